@@ -511,9 +511,14 @@ struct GaussiansOptions {
 /// How fine a mesh is that is made of a source, and how its UVs lie.
 struct MeshShape {
   std::uint32_t triangles = 20000;  ///< at most so many, as far as the shape allows: 100..5000000
-  std::uint32_t cells = 256;        ///< of scenes, along their longest side: 16..512
-  std::uint32_t size = 2048;        ///< texels along the image that charts are packed for
-  std::uint32_t gutter = 4;         ///< texels between charts: 0..64
+  /// Instead of a number: as few as keep the surface within about this of what it was, before it is
+  /// simplified. In the source's units, or of the diagonal of its surface.
+  std::optional<Length> detail = {};
+  std::uint32_t cells = 256;  ///< of scenes, along their longest side: 16..512
+  /// Of scenes: what no view sees counts as inside, so that nothing stays open there.
+  bool close = false;
+  std::uint32_t size = 2048;  ///< texels along the image that charts are packed for
+  std::uint32_t gutter = 4;   ///< texels between charts: 0..64
 };
 
 /// A mesh with UVs of a scene's surface; of a model a lighter one with its textures.

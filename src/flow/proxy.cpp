@@ -17,6 +17,7 @@
 #include "flow/shape/scene.h"
 #include "flow/shape/write.h"
 #include "flow/transfer.h"
+#include "flow/write/model.h"
 #include "io/files/output_file.h"
 #include "io/model/model_writer.h"
 #include "job/run_job.h"
@@ -40,8 +41,8 @@ void make_mesh(job::JobContext& job, const TransferOptions& source, bool is_scen
                const MeshShape& shape, double end,
                const std::function<std::uint64_t(const io::PlainMesh&)>& write) {
   const double part = kAfterSurface * end;
-  SourceSurface surface =
-      is_scene ? surface_of_scene(job, source, shape, part) : surface_of_model(job, source, part);
+  SourceSurface surface = is_scene ? surface_of_scene(job, source, shape, part)
+                                   : surface_of_model(job, source, shape, part);
   write_shape(job, std::move(surface), shape, end, write);
 }
 
@@ -93,12 +94,13 @@ void check_textured(const TexturedMeshOptions& options) {
     usage(o.output + ": a textured mesh is written as .glb or .gltf; name it so");
   if (planning::has_token(o.output, "TARGET"))
     usage(o.output + ": there is no target but the mesh that is made; remove <TARGET>");
+  planning::expand_pattern(model_image_pattern(o.output), {{"MATERIAL", ""}, {"CHANNEL", ""}});
   options::check_ranges(options);
   planning::axes_of(o.source_use, "source");
 }
 
 void check_textured(const TexturedMeshOptions& options, bool is_scene) {
-  // What the transfer would refuse, before the mesh is made.
+  // What the transfer would refuse of the options, before the mesh is made.
   const TransferOptions transfer = onto(options.transfer.output, options, is_scene);
   planning::check_options(transfer);
   if (is_scene) {

@@ -59,6 +59,14 @@ void Field::add(const views::Grid& grid, const DepthView& view, std::uint32_t fi
   }
 }
 
+void Field::close() {
+  for (std::size_t i = 0; i < seen_.size(); ++i) {
+    if (seen_[i] > 0) continue;
+    seen_[i] = 1;
+    sums_[i] = -static_cast<std::int32_t>(kSteps);
+  }
+}
+
 std::uint64_t Field::most_triangles() const {
   const std::uint32_t nx = lattice_.corners[0], ny = lattice_.corners[1], nz = lattice_.corners[2];
   std::uint64_t crossings = 0;

@@ -52,6 +52,8 @@ class Field {
   /// What a view says of layers [first, last) along z. Layers of one view may be added side by
   /// side; sums are whole numbers, so views come in any order.
   void add(const views::Grid& grid, const DepthView& view, std::uint32_t first, std::uint32_t last);
+  /// What no view has seen counts as inside from here on: nothing stays open there.
+  void close();
   /// No more triangles than that has surface().
   std::uint64_t most_triangles() const;
   /// The surface between what lies outside and what lies inside, by surface nets (Gibson 1998): a

@@ -4,6 +4,7 @@
 #include <Eigen/SparseCholesky>
 #include <Eigen/SparseCore>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -74,26 +75,43 @@ struct Samples {
 
 /// One step: where the vertices would be best, the feet of the samples given.
 std::vector<Vec3f> best_places(const Surface& surface, const Samples& samples,
-                               const std::vector<char>& is_fixed) {
+                               const std::vector<char>& is_fixed,
+                               const std::function<void()>& poll) {
   const Nearest nearest(surface);
+  // Of each triangle, over the samples whose feet it has: products of corners' shares, and of
+  // shares with places.
+  struct Sums {
+    std::array<std::array<double, 3>, 3> shares{};
+    std::array<Vec3d, 3> places{};
+  };
+  std::vector<Sums> sums(surface.triangles.size());
+  double all = 0;
+  for (std::size_t s = 0; s < samples.places.size(); ++s) {
+    constexpr std::size_t kOften = 4096;
+    if (s % kOften == 0) poll();
+    const auto foot = nearest.to(samples.places[s], samples.normals[s]);
+    if (!foot) continue;
+    const double weight = samples.weights[s];
+    Sums& own = sums[foot->triangle];
+    all += weight;
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t j = 0; j < 3; ++j)
+        own.shares[i][j] += weight * foot->shares[i] * foot->shares[j];
+      own.places[i] = own.places[i] + samples.places[s] * (weight * foot->shares[i]);
+    }
+  }
   const auto count = static_cast<Eigen::Index>(surface.positions.size());
   std::vector<Eigen::Triplet<double>> entries;
   Eigen::MatrixX3d wanted = Eigen::MatrixX3d::Zero(count, 3);
-  double all = 0;
-  for (std::size_t s = 0; s < samples.places.size(); ++s) {
-    const auto foot = nearest.to(samples.places[s], samples.normals[s]);
-    if (!foot) continue;
-    const Triangle& corners = surface.triangles[foot->triangle];
-    const double weight = samples.weights[s];
-    all += weight;
+  for (std::size_t t = 0; t < sums.size(); ++t) {
+    const Triangle& corners = surface.triangles[t];
     for (std::size_t i = 0; i < 3; ++i) {
-      const double own = weight * foot->shares[i];
-      if (is_fixed[corners[i]] != 0 || own == 0) continue;
+      if (is_fixed[corners[i]] != 0) continue;
       const auto row = static_cast<int>(corners[i]);
-      const Vec3d& p = samples.places[s];
-      wanted(row, 0) += own * p.x, wanted(row, 1) += own * p.y, wanted(row, 2) += own * p.z;
+      const Vec3d& p = sums[t].places[i];
+      wanted(row, 0) += p.x, wanted(row, 1) += p.y, wanted(row, 2) += p.z;
       for (std::size_t j = 0; j < 3; ++j) {
-        const double both = own * foot->shares[j];
+        const double both = sums[t].shares[i][j];
         if (is_fixed[corners[j]] == 0) {
           entries.emplace_back(row, static_cast<int>(corners[j]), both);
           continue;
@@ -143,12 +161,12 @@ void keep_faces(const Surface& before, std::vector<Vec3f>& places) {
 
 }  // namespace
 
-void fit(Surface& simplified, const Surface& dense, int rounds) {
+void fit(Surface& simplified, const Surface& dense, int rounds, const std::function<void()>& poll) {
   if (simplified.triangles.empty()) return;
   const Samples samples(dense);
   const std::vector<char> is_fixed = border_of(simplified);
   for (int round = 0; round < rounds; ++round) {
-    std::vector<Vec3f> places = best_places(simplified, samples, is_fixed);
+    std::vector<Vec3f> places = best_places(simplified, samples, is_fixed, poll);
     keep_faces(simplified, places);
     simplified.positions = std::move(places);
   }
@@ -159,13 +177,12 @@ void simplify_fitted(Surface& surface, std::size_t triangles, const std::functio
   if (surface.triangles.size() <= triangles) return;
   const Surface dense = surface;
   for (std::size_t before = 0; surface.triangles.size() > triangles;) {
-    poll();
     before = surface.triangles.size();
     simplify(surface, std::max(triangles, before / 2));
     if (surface.triangles.size() == before) break;  // its shape allows no less
-    fit(surface, dense, kOnTheWay);
+    fit(surface, dense, kOnTheWay, poll);
   }
-  fit(surface, dense, kAtLast);
+  fit(surface, dense, kAtLast, poll);
 }
 
 }  // namespace pounce::meshing

@@ -49,6 +49,19 @@ struct Rings {
   }
 };
 
+/// The first of both limits that is met ends it.
+void simplify(Surface& surface, std::size_t triangles, float error) {
+  static_assert(sizeof(Triangle) == 3 * sizeof(unsigned) && sizeof(Vec3f) == 3 * sizeof(float));
+  std::vector<Triangle> kept(surface.triangles.size());
+  const std::size_t indices =
+      meshopt_simplify(kept.front().data(), surface.triangles.front().data(),
+                       3 * surface.triangles.size(), &surface.positions.front().x,
+                       surface.positions.size(), sizeof(Vec3f), 3 * triangles, error, 0, nullptr);
+  kept.resize(indices / 3);
+  surface.triangles = std::move(kept);
+  drop_unused(surface);
+}
+
 }  // namespace
 
 void drop_unused(Surface& surface) {
@@ -108,17 +121,21 @@ void smooth(Surface& surface, int rounds) {
 }
 
 void simplify(Surface& surface, std::size_t triangles) {
-  if (surface.triangles.size() <= triangles) return;
-  static_assert(sizeof(Triangle) == 3 * sizeof(unsigned) && sizeof(Vec3f) == 3 * sizeof(float));
-  std::vector<Triangle> kept(surface.triangles.size());
   const float any_error = 1;  // of the surface's size: the number decides
-  const std::size_t indices = meshopt_simplify(
-      kept.front().data(), surface.triangles.front().data(), 3 * surface.triangles.size(),
-      &surface.positions.front().x, surface.positions.size(), sizeof(Vec3f), 3 * triangles,
-      any_error, 0, nullptr);
-  kept.resize(indices / 3);
-  surface.triangles = std::move(kept);
-  drop_unused(surface);
+  if (surface.triangles.size() > triangles) simplify(surface, triangles, any_error);
+}
+
+void simplify_within(Surface& surface, double distance) {
+  const Vec3f size = box_of(surface).hi - box_of(surface).lo;
+  const double longest = std::max({size.x, size.y, size.z});  // what errors are counted in
+  if (!(longest > 0)) return;
+  simplify(surface, 0, static_cast<float>(std::min(distance / longest, 1.0)));
+}
+
+Box3f box_of(const Surface& surface) {
+  Box3f box;
+  for (const Vec3f& p : surface.positions) box.extend(p);
+  return box;
 }
 
 std::vector<Vec3f> normals_of(const Surface& surface) {

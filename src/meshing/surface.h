@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/bounds.h"
 #include "core/vec.h"
 
 namespace pounce::meshing {
@@ -31,6 +32,10 @@ void smooth(Surface& surface, int rounds);
 
 /// To at most so many triangles, as far as its shape allows, by quadric errors (meshoptimizer).
 void simplify(Surface& surface, std::size_t triangles);
+/// To as few triangles as keep it within about this distance, above 0.
+void simplify_within(Surface& surface, double distance);
+/// The box of its vertices.
+Box3f box_of(const Surface& surface);
 
 /// For each vertex: of its triangles' normals, weighed by their areas. Unit vectors.
 std::vector<Vec3f> normals_of(const Surface& surface);

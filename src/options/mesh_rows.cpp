@@ -29,6 +29,14 @@ Rows<Options> shape_rows(Shape shape, const std::string& size_help) {
                     .group = "Mesh",
                     .help = "At most so many triangles, as far as the shape allows"},
                    member(&MeshShape::triangles), integer<std::uint32_t>(100, 5000000)),
+      row<Options>({.name = "detail",
+                    .value = "D|P%",
+                    .group = "Mesh",
+                    .help = "Instead of --triangles: as few as keep the surface within about this "
+                            "distance, in SOURCE's units or as a percentage of the diagonal",
+                    .default_text = "none",
+                    .excludes = "triangles"},
+                   member(&MeshShape::detail), length()),
       row<Options>({.name = "cells",
                     .value = "N",
                     .group = "Mesh",
@@ -36,6 +44,13 @@ Rows<Options> shape_rows(Shape shape, const std::string& size_help) {
                             "and more of the scene's noise",
                     .source = Source::splats},
                    member(&MeshShape::cells), integer<std::uint32_t>(16, 512)),
+      switch_row<Options>(
+          {.name = "close",
+           .group = "Mesh",
+           .help = "Close holes: what no view sees counts as inside, such as hollows. Without it "
+                   "the surface stays open there",
+           .source = Source::splats},
+          member(&MeshShape::close)),
       row<Options>({.name = "size", .value = "N", .group = "UVs", .help = size_help},
                    member(&MeshShape::size), integer<std::uint32_t>(64, 65536)),
       row<Options>(

@@ -213,7 +213,7 @@ struct Facet {
 std::vector<float> layer_gaps(const mesh::Mesh& mesh, std::span<const Place> places,
                               float least_cosine, float most) {
   std::vector<float> gaps(places.size(), std::numeric_limits<float>::infinity());
-  if (places.empty() || !(most > 0)) return gaps;
+  if (places.empty() || !(most > 0) || !std::isfinite(most)) return gaps;
   const double own = 1e-6 * double{most};
   Segments segments(places, most);
   for (const auto& corners : mesh.triangles) {

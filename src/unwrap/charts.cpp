@@ -342,7 +342,7 @@ class Charts::Cutter {
   /// Lays a chart flat. Where that does not do: the parts that it is to be cut into.
   std::vector<std::vector<std::uint32_t>> lay(Chart& chart) {
     const Patch patch = patch_of(chart.triangles);
-    std::vector<Vec2d> flat = lay_flat(patch, axis_of(chart.triangles));
+    std::vector<Vec2d> flat = lay_flat(patch, axis_of(chart.triangles), poll_);
     double in_space = 0, in_plane = 0;
     for (std::size_t i = 0; i < patch.triangles.size(); ++i) {
       const Triangle& c = patch.triangles[i];
@@ -380,6 +380,12 @@ class Charts::Cutter {
       apart = poles(chart);
     }
     auto [one, other] = cut(chart.triangles, apart->first, apart->second);
+    // A strip from which little is cut each time takes long.
+    constexpr std::size_t kLeast = 10;
+    if (kLeast * std::min(one.size(), other.size()) < chart.triangles.size()) {
+      const auto [first, last] = ends(chart.triangles);
+      std::tie(one, other) = cut(chart.triangles, first, last);
+    }
     return {std::move(one), std::move(other)};
   }
 

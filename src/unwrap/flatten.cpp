@@ -59,7 +59,8 @@ Rest rest_of(const Patch& patch, const Triangle& t) {
 
 class Layout {
  public:
-  Layout(const Patch& patch, Vec3d axis) : patch_(patch) {
+  Layout(const Patch& patch, Vec3d axis, const std::function<void()>& poll)
+      : patch_(patch), poll_(poll) {
     for (const Triangle& t : patch.triangles) rests_.push_back(rest_of(patch, t));
     const Vec3d right =
         unit_vector(cross(std::abs(axis.y) < 0.9 ? Vec3d{0, 1, 0} : Vec3d{1, 0, 0}, axis));
@@ -209,6 +210,7 @@ class Layout {
     if (solver.info() != Eigen::Success) return;
     Eigen::MatrixX2d wanted(count, 2);
     for (int round = 0; round < kRounds; ++round) {
+      poll_();
       for (int i = 0; i < count; ++i) {
         const Vec2d& p = at_[static_cast<std::size_t>(i)];
         wanted.row(i) << hold * p.x, hold * p.y;
@@ -299,6 +301,7 @@ class Layout {
     }
     std::vector<char> moves(at_.size());
     std::vector<Vec2d> best = at_;
+    poll_();
     std::size_t least = rests_.size() + 1;
     for (int round = 0; round < kMost; ++round) {
       std::fill(moves.begin(), moves.end(), 0);
@@ -357,13 +360,16 @@ class Layout {
   }
 
   const Patch& patch_;
+  const std::function<void()>& poll_;
   std::vector<Rest> rests_;
   std::vector<Vec2d> at_;  ///< v upwards
 };
 
 }  // namespace
 
-std::vector<Vec2d> lay_flat(const Patch& patch, Vec3d axis) { return Layout(patch, axis).make(); }
+std::vector<Vec2d> lay_flat(const Patch& patch, Vec3d axis, const std::function<void()>& poll) {
+  return Layout(patch, axis, poll).make();
+}
 
 double stretch_of(const Patch& patch, std::span<const Vec2d> flat, const Triangle& t) {
   const Rest rest = rest_of(patch, t);

@@ -3,6 +3,7 @@
 // A patch of triangles, bent in space, laid into the plane as rigidly as possible.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -21,7 +22,8 @@ struct Patch {
 /// shape as far as its neighbours let it: local rotations and one linear system in turns (Liu et
 /// al., "A Local/Global Approach to Mesh Parameterization", 2008), from how the patch looks along
 /// `axis`, a unit vector. Triangles may overlap or lie on their faces where it curves too much.
-std::vector<Vec2d> lay_flat(const Patch& patch, Vec3d axis);
+/// `poll` is called now and then and may throw.
+std::vector<Vec2d> lay_flat(const Patch& patch, Vec3d axis, const std::function<void()>& poll);
 
 /// How a triangle is deformed: the larger of the most that a length in it grows and the most that
 /// one shrinks, 1 for none, infinity for one that lies on its face. One without area in space: 1.

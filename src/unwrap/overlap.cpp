@@ -50,8 +50,24 @@ bool in_common(const Vec2d* a, const Vec2d* b, double area_a, double area_b,
   if (apart(a[0].x, a[1].x, a[2].x, b[0].x, b[1].x, b[2].x) ||
       apart(a[0].y, a[1].y, a[2].y, b[0].y, b[1].y, b[2].y))
     return false;
-  constexpr double kRounding = 1e-7, kOfLongest = 3e-6;
-  return common_area(a, b) > kRounding * std::min(area_a, area_b) + kOfLongest * longest_squared;
+  // All of the one beyond an edge of the other, whichever way that is turned: the most usual case
+  // among neighbours.
+  const auto beyond = [](const Vec2d* p, const Vec2d* q) {
+    const auto side = [](Vec2d from, Vec2d to, Vec2d r) {
+      return (to.x - from.x) * (r.y - from.y) - (to.y - from.y) * (r.x - from.x);
+    };
+    const double turn = side(p[0], p[1], p[2]) < 0 ? -1 : 1;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec2d from = p[k], to = p[(k + 1) % 3];
+      if (turn * side(from, to, q[0]) <= 0 && turn * side(from, to, q[1]) <= 0 &&
+          turn * side(from, to, q[2]) <= 0)
+        return true;
+    }
+    return false;
+  };
+  if (beyond(a, b) || beyond(b, a)) return false;
+  constexpr double kOfSmaller = 1e-3, kRounding = 1e-11;
+  return common_area(a, b) > kOfSmaller * std::min(area_a, area_b) + kRounding * longest_squared;
 }
 
 }  // namespace

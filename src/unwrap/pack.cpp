@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Charts are placed one after the other, the longest first, each in the lowest place that is free,
+// Charts are placed one after the other, the largest first, each in the lowest place that is free,
 // in the best of some turns. What is free is known row by row, as runs of cells, so that small
 // charts go into the hollows of large ones and into their holes; where a row has no run that is
 // long enough, a look at its longest one says so. How large all of them may be is found by trying.
@@ -153,7 +153,7 @@ constexpr double kMostCells = 1024;
 struct Shape {
   const Chart* chart = nullptr;
   std::vector<Turn> turns;
-  double length = 0;
+  double length = 0, size = 0;  ///< of its box: the longer side, and both
 };
 
 class Packer {
@@ -176,13 +176,15 @@ class Packer {
         for (int quarter = 0; quarter < 4; ++quarter)
           shape.turns.push_back(Turn{slanted.x, slanted.y}.quarter(quarter));
       }
-      shape.length = box_of(chart, turn).height();
+      const Box box = box_of(chart, turn);
+      shape.length = box.width();
+      shape.size = box.width() + box.height();
       shapes_.push_back(shape);
     }
     order_.resize(charts.size());
     std::iota(order_.begin(), order_.end(), std::size_t{0});
     std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
-      return shapes_[a].length > shapes_[b].length;
+      return shapes_[a].size > shapes_[b].size;
     });
   }
 
@@ -195,7 +197,10 @@ class Packer {
     // From what would fill nine tenths down until it fits; then up again in small steps, where a
     // chart that finds no room goes sooner the next time and all are tried again a few times.
     constexpr double kFirst = 0.95, kDown = 0.95, kUp = 1.008;
-    double scale = kFirst * size_ / std::sqrt(area);
+    double longest = 0;
+    for (const Shape& shape : shapes_) longest = std::max(longest, shape.length);
+    double scale =
+        std::min(kFirst * size_ / std::sqrt(area), (size_ - 2 * half_) * 0.998 / longest);
     const double least = scale / 100;
     while (place_all(scale, packing.charts) < order_.size()) {
       scale *= kDown;

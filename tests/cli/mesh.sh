@@ -56,7 +56,26 @@ expect 0 transfer lod.glb h/head_same.glb -o 'light_<CHANNEL>.png' --bake normal
 expect 0 mesh s_target.glb -o shape.glb --triangles 500 --size 256
 grep -q '"normalTexture"' shape.glb || fail 'no normal map of a mesh without textures'
 ! grep -q '"baseColorTexture"' shape.glb || fail 'a texture from nowhere'
+# By how far it may be off instead of a number: finer, more.
+triangles_of() {
+  expect 0 inspect "$1" --json
+  number "$out" '"triangles":([0-9]+)'
+}
+expect 0 proxy h/head_src.glb -o coarse.glb --detail 1% --size 256
+expect 0 proxy h/head_src.glb -o fine.glb --detail 0.1% --size 256
+(($(triangles_of coarse.glb) * 2 < $(triangles_of fine.glb) && $(triangles_of fine.glb) < 20000)) || fail '--detail'
+refused '--detail' proxy h/head_src.glb -o n.glb --detail 1% --triangles 500
+refused '--close applies only to splat scenes' mesh h/head_src.glb -o n.glb --close
+expect 0 proxy s.ply -o closed.glb "${shape[@]}" --close
+refused 'remove <CHANNEL>' mesh s.ply -o 'n<CHANNEL>.glb'
+refused '<X>' mesh s.ply -o 'n<X>.glb'
 # What cannot be made leaves nothing.
+printf 'v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n' >line.obj
+expect 3 mesh line.obj -o n.glb
+err_has 'has no triangle with an area'
+printf 'v 0 0 0\nv 1e20 0 0\nv 0 1e20 0\nf 1 2 3\n' >vast.obj
+expect 3 mesh vast.obj -o n.glb
+err_has 'scale it'
 refused '--look applies only to splat scenes' mesh h/head_src.glb -o n.glb --look around
 refused '--cells applies only to splat scenes' mesh h/head_src.glb -o n.glb --cells 99
 refused '--filter applies only to meshes' mesh s.ply -o n.glb --filter tent

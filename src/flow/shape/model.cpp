@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "flow/shape/model.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <numeric>
 #include <tuple>
+#include <vector>
 
 #include "io/read_mesh.h"
 #include "job/run_job.h"
@@ -14,7 +17,12 @@
 namespace pounce::flow {
 namespace {
 
-/// Vertices at one place become one. Triangles that have no area then go.
+/// What a transfer of small images needs, which follows.
+constexpr std::uint64_t kTransferring = 12ULL << 20;
+/// Of a box's longest side: beyond them squares leave the numbers that can be told apart.
+constexpr float kLeastSize = 1e-15F, kMostSize = 1e15F;
+
+/// Vertices at one place become one. Triangles of which two corners are one then go.
 meshing::Surface welded(const mesh::Mesh& mesh) {
   std::vector<std::uint32_t> order(mesh.positions.size()), number(mesh.positions.size());
   std::iota(order.begin(), order.end(), 0U);
@@ -41,7 +49,8 @@ meshing::Surface welded(const mesh::Mesh& mesh) {
 
 }  // namespace
 
-SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& options, double end) {
+SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& options,
+                               const MeshShape& shape, double end) {
   const StageTimer timer(job.clock, "read");
   const std::string& path = options.source;
   job.meter.begin("read meshes", 1, "meshes", end);
@@ -54,16 +63,33 @@ SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& opti
   for (const std::string& file : mesh.files) planning::add_input(file, job.report);
   planning::refuse_over_input(options.output, {path});
   planning::refuse_over_input(options.output, mesh.files);
-  const std::uint64_t room = surface_bytes(mesh.triangles.size());
-  require_least(job, {std::max(cost.peak_bytes, mesh.size_bytes() + room), "simplifying " + path},
-                mesh.size_bytes());
+  const Vec3f size = planning::box_of(mesh).hi - planning::box_of(mesh).lo;
+  if (const float longest = std::max({size.x, size.y, size.z});
+      !(longest >= kLeastSize && longest <= kMostSize)) {
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: spans {:g} units, of which no mesh can be made; scale it", path, longest));
+  }
+  const std::uint64_t count = mesh.triangles.size();
+  const std::uint64_t left = shape.detail ? count : std::min<std::uint64_t>(count, shape.triangles);
+  const std::uint64_t room = std::max(fitting_bytes(count), unfolding_bytes(left));
+  const std::uint64_t most = std::max(
+      {cost.peak_bytes, mesh.size_bytes() + room,
+       kTransferring + job.threads * store::Compressor::context_bytes() + mesh.size_bytes()});
+  require_least(job, {most, "making a lighter " + path}, mesh.size_bytes());
   const runtime::Lease held(job.budget, mesh.size_bytes(), "the mesh of " + path);
   SourceSurface made;
   made.room = runtime::Lease(job.budget, room, "the surface of " + path);
   made.surface = welded(mesh);
   made.origin = placed.origin;
   made.is_exact = true;
-  if (made.surface.triangles.empty())
+  double area = 0;
+  for (const meshing::Triangle& t : made.surface.triangles) {
+    const Vec3d a(made.surface.positions[t[0]]);
+    area += length(
+        cross(Vec3d(made.surface.positions[t[1]]) - a, Vec3d(made.surface.positions[t[2]]) - a));
+  }
+  if (!(area > 0))
     throw Error(ErrorKind::input,
                 path + ": has no triangle with an area; nothing can be made of it");
   job.meter.end();

@@ -188,7 +188,12 @@ class SceneShape {
       });
       job_.meter.advance(1);
     }
-    surface_ = runtime::Lease(job_.budget, surface_bytes(field.most_triangles()), name);
+    if (shape_.close) field.close();
+    const std::uint64_t most = field.most_triangles();
+    const std::uint64_t left =
+        shape_.detail ? most : std::min<std::uint64_t>(most, shape_.triangles);
+    surface_ =
+        runtime::Lease(job_.budget, std::max(surface_bytes(most), unfolding_bytes(left)), name);
     meshing::Surface surface = field.surface();
     job_.meter.end();
     return surface;

@@ -21,5 +21,10 @@ struct SourceSurface {
 
 /// What a surface takes with what its steps need beside it: edges, what simplifying holds, charts.
 constexpr std::uint64_t surface_bytes(std::uint64_t triangles) { return 250 * triangles; }
+/// With the simpler one that is fitted to it, and what its least squares hold.
+constexpr std::uint64_t fitting_bytes(std::uint64_t triangles) { return 600 * triangles; }
+/// What charts of so many triangles take while they are unfolded: the sparse systems of the
+/// largest.
+constexpr std::uint64_t unfolding_bytes(std::uint64_t triangles) { return 2600 * triangles; }
 
 }  // namespace pounce::flow

@@ -7,6 +7,17 @@
 #include "unwrap/unwrap.h"
 
 namespace pounce::flow {
+namespace {
+
+constexpr int kFitting = 4;  // rounds
+
+double length_of(const Length& asked, const meshing::Surface& surface) {
+  const Box3f box = meshing::box_of(surface);
+  const double diagonal = length(Vec3d(box.hi) - Vec3d(box.lo));
+  return asked.is_percent ? asked.value / 100 * diagonal : asked.value;
+}
+
+}  // namespace
 
 void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shape, double end,
                  const std::function<std::uint64_t(const io::PlainMesh&)>& write) {
@@ -14,7 +25,11 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
   job.meter.begin("mesh", 1, "meshes", end);
   meshing::Surface& surface = made.surface;
   const auto poll = [&job] { job.meter.throw_if_cancelled(); };
-  if (made.is_exact) {
+  if (shape.detail) {
+    const meshing::Surface dense = made.is_exact ? surface : meshing::Surface{};
+    meshing::simplify_within(surface, length_of(*shape.detail, surface));
+    if (made.is_exact) meshing::fit(surface, dense, kFitting, poll);
+  } else if (made.is_exact) {
     meshing::simplify_fitted(surface, shape.triangles, poll);
   } else {
     meshing::simplify(surface, shape.triangles);

@@ -112,6 +112,38 @@ TEST_CASE("where sheets come close they do not share vertices") {
   CHECK(open == 0);
 }
 
+TEST_CASE("what no view sees is open, and closed where it is asked for") {
+  const Box3f box{{-1.2F, -1.2F, -1.2F}, {1.2F, 1.2F, 1.2F}};
+  const views::Grid grid(box, 0.01F, 24);
+  const auto open_edges = [&](bool close) {
+    Field field{Lattice(box, 40)};
+    // A third of the views: what lies on the far side of all of them nobody sees.
+    for (std::uint32_t view = 0; view < grid.views() / 3; ++view) {
+      const auto depths = depths_of_sphere(grid, view, 1);
+      field.add(grid, {view, depths}, 0, field.lattice().corners[2]);
+    }
+    if (close) field.close();
+    const Surface surface = field.surface();
+    CHECK(surface.triangles.size() <= field.most_triangles());
+    std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
+    for (const Triangle& t : surface.triangles) {
+      for (std::size_t k = 0; k < 3; ++k) ++edges[std::minmax(t[k], t[(k + 1) % 3])];
+    }
+    // Where the cubes end every surface does.
+    const Vec3f low = field.lattice().low, high = field.lattice().place(40, 40, 40);
+    const float near = 1.01F * field.lattice().cell;
+    const auto is_inside = [&](std::uint32_t v) {
+      const Vec3f a = surface.positions[v] - low, b = high - surface.positions[v];
+      return std::min({a.x, a.y, a.z, b.x, b.y, b.z}) > near;
+    };
+    return std::count_if(edges.begin(), edges.end(), [&](const auto& edge) {
+      return edge.second == 1 && is_inside(edge.first.first) && is_inside(edge.first.second);
+    });
+  };
+  CHECK(open_edges(false) > 50);
+  CHECK(open_edges(true) == 0);
+}
+
 TEST_CASE("views may come in any order") {
   const Surface one = Sphere().field.surface(), other = Sphere(true).field.surface();
   CHECK(one.positions == other.positions);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "meshing/surface.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -114,6 +115,26 @@ TEST_CASE("a surface is simplified to what is asked, and keeps its shape and tur
   const Surface as_it_is = s;
   simplify(s, 5000);
   CHECK(s.triangles == as_it_is.triangles);
+}
+
+TEST_CASE("a surface is simplified as far as it stays within a distance") {
+  const Surface dense = sphere(48, 2, {3, 0, 0});
+  std::size_t before = dense.triangles.size() + 1;
+  for (const double distance : {0.001, 0.01, 0.1}) {
+    Surface s = dense;
+    simplify_within(s, distance);
+    CHECK(s.triangles.size() < before);  // the more it may be off, the fewer there are
+    before = s.triangles.size();
+    // What lies farthest inside are the middles of triangles.
+    double most = 0;
+    for (const Triangle& t : s.triangles) {
+      const Vec3d middle =
+          (Vec3d(s.positions[t[0]]) + Vec3d(s.positions[t[1]]) + Vec3d(s.positions[t[2]])) *
+          (1.0 / 3);
+      most = std::max(most, 2 - length(middle - Vec3d{3, 0, 0}));
+    }
+    CHECK(most < 3 * distance + 0.005);  // 0.002 is the dense one off itself
+  }
 }
 
 TEST_CASE("normals lead outwards and have length one") {

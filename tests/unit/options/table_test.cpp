@@ -66,6 +66,8 @@ const std::map<std::string, std::string> kValues{
     {"near-target", "off"},
     {"sharpen", "0.5"},
     {"count", "12"},
+    {"detail", "0.25%"},
+    {"close", "true"},
     {"allow-external", "true"},
     {"allow-format", "bmp,tga"},
     {"look", "around"},

@@ -154,9 +154,9 @@ TEST_CASE("a rough surface does not fall to pieces") {
     state = state * 1664525U + 1013904223U;
     return (state >> 8) / double(1 << 24) - 0.5;
   };
-  auto ball = grid(60, 120, false, true, [&](double r, double c) {
+  auto ball = grid(40, 80, false, true, [&](double r, double c) {
     const double a = kPi * (0.02 + 0.96 * r), b = 2 * kPi * c;
-    const double far = 1 + 0.035 * noise();
+    const double far = 1 + 0.05 * noise();
     return Vec3d{far * std::sin(a) * std::cos(b), far * std::sin(a) * std::sin(b),
                  far * std::cos(a)};
   });
@@ -247,6 +247,49 @@ TEST_CASE("slivers and fans of long triangles cut nothing apart that is flat") {
   }
   for (std::uint32_t i = 1; i <= 1000; ++i) fan.triangles.push_back({0, i, i + 1});
   CHECK(unwrap(fan.positions, fan.triangles, {512, 2}).chart_count == 1);
+}
+
+TEST_CASE("small triangles that lie over a large one are found") {
+  // A helix, twice round and small, that hangs at a corner of a large triangle: all of it is above
+  // the large one, seen from above.
+  Mesh mesh;
+  mesh.positions = {{0.002F, 0, 0}, {1, -0.5F, 0}, {1, 0.5F, 0}};
+  mesh.triangles = {{0, 1, 2}};
+  std::uint32_t inner = 0, outer = 0;
+  for (int i = 0; i <= 32; ++i) {
+    const double a = 4 * kPi * i / 32 + kPi / 2;
+    const Vec3d way{std::cos(a), std::sin(a), 0}, middle{0.1, 0, 0.0002 * i};
+    mesh.positions.push_back(Vec3f(middle + way * 0.02));
+    mesh.positions.push_back(Vec3f(middle + way * 0.04));
+    const auto next = static_cast<std::uint32_t>(mesh.positions.size() - 2);
+    if (i > 0) {
+      mesh.triangles.push_back({inner, outer, next + 1});
+      mesh.triangles.push_back({inner, next + 1, next});
+    } else {
+      mesh.triangles.push_back({0, 2, next});
+      mesh.triangles.push_back({2, next + 1, next});
+    }
+    inner = next, outer = next + 1;
+  }
+  const Options options{2048, 2};
+  const Unwrapped flat = unwrap(mesh.positions, mesh.triangles, options);
+  CAPTURE(flat.chart_count);
+  check(mesh, options, flat);
+}
+
+TEST_CASE("a needle has its place, and a fan of thousands is looked at in time") {
+  const std::vector<Vec3f> points{{0, 0, 0}, {1e6F, 0, 0}, {1e6F, 1e-3F, 0}, {0, 1e-3F, 0}};
+  const std::vector<Triangle> needle{{0, 1, 2}, {0, 2, 3}};
+  CHECK(unwrap(points, needle, {4096, 0}).fits);
+  Mesh fan;
+  fan.positions.push_back({0, 0, 0});
+  constexpr std::uint32_t kMany = 3000;
+  for (std::uint32_t i = 0; i <= kMany; ++i) {
+    const double a = 5.5 * i / kMany;
+    fan.positions.push_back(Vec3f(Vec3d{std::cos(a), std::sin(a), 0}));
+  }
+  for (std::uint32_t i = 1; i <= kMany; ++i) fan.triangles.push_back({0, i, i + 1});
+  CHECK(unwrap(fan.positions, fan.triangles, {512, 2}).chart_count <= 20);
 }
 
 TEST_CASE("charts that have no room beside their gutters are said to have none") {
