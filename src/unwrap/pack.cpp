@@ -199,8 +199,9 @@ class Packer {
     constexpr double kFirst = 0.95, kDown = 0.95, kUp = 1.008;
     double longest = 0;
     for (const Shape& shape : shapes_) longest = std::max(longest, shape.length);
-    double scale =
-        std::min(kFirst * size_ / std::sqrt(area), (size_ - 2 * half_) * 0.998 / longest);
+    const double room = (size_ - 2 * half_) * 0.998;  // cells are whole
+    double scale = std::min(kFirst * size_ / std::sqrt(area), room / longest);
+    if (!(scale > 0)) return {};
     const double least = scale / 100;
     while (place_all(scale, packing.charts) < order_.size()) {
       scale *= kDown;
