@@ -4,7 +4,8 @@
 # with 3x3 samples per pixel, before grey; `either` is the PSNR over the pixels where the one or the other is, `both` that
 # over those where both are. Along normals, by default, from 48 sides, with seven more rays; beside these the nearest
 # Gaussian's colour and plain compositing along the normal. PLAIN=yes: what the scene shows from 24 and from 48 sides by
-# the plain form of that rule, too (tools/pounce-score/around.cpp).
+# the plain form of that rule, too (tools/pounce-score/around.cpp). Then the same of the mesh that `pounce proxy` makes of
+# the scene (20,000 triangles), with its texture by default.
 # Usage: [SIZE=2048] [OPTIONS='--filter tent'] tools/score-capture.sh [SCENE TARGET]...     OPTIONS go to every transfer
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -48,11 +49,19 @@ score() {  # score SCENE TARGET MODE: dc, or sh where the scene shows its harmon
     tail -n 1
 }
 
+score_proxy() {  # score_proxy SCENE: what `pounce mesh --sh dc` makes, mesh and texture
+  printf '\n%s onto its own proxy, dc\n' "$(basename "$1")"
+  "$programs/pounce" proxy "$1" -o proxy.glb --size "$size" --no-cache -q
+  "$programs/pounce" transfer --redo "$1" proxy.glb -o proxy.png --size "$size" --sh dc --no-cache -q
+  "$programs/pounce-score" views "$1" proxy.glb proxy.png
+}
+
 if (($#)); then
   while (($#)); do
     scene=$(realpath "$1") target=$(realpath "$2")
     score "$scene" "$target" dc
     if "$programs/pounce" inspect "$scene" | grep -q 'harmonics of degree [1-9]'; then score "$scene" "$target" sh; fi
+    score_proxy "$scene"
     shift 2
   done
   exit
@@ -71,3 +80,6 @@ dc captures/narcissus.ply captures/narcissus_tsdf.obj
 dc splats/playbot_lod3_converted/playbot_lod3.ply captures/playbot_lod3_tsdf.obj
 sh splats/playbot_lod3_converted/playbot_lod3.ply captures/playbot_lod3_tsdf.obj
 END
+for scene in captures/angel.ply captures/narcissus.ply captures/kitchen.spz splats/playbot_lod3_converted/playbot_lod3.ply; do
+  if [[ -e $data/$scene ]]; then score_proxy "$(realpath "$data/$scene")"; else echo "SKIPPED: $scene"; fi
+done

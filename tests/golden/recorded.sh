@@ -157,6 +157,8 @@ made_jobs() {
   transfer made-dense dense.glb dense.glb out.png --size 128
   transfer made-dense-onto dense.glb sphere_target.glb out.png --onto head/head_same.truth.png
   job made-maps maps head/head_other.glb -o 'OUT/<CHANNEL>.exr' --size 256
+  job made-mesh mesh sphere.ply -o OUT/out.glb --cells 48 --triangles 1000 --size 256
+  job made-level-of-detail proxy head/head_src.glb -o OUT/out.glb --triangles 600 --size 256
   job made-gaussians gaussians head/head_src.glb -o OUT/out.ply
   job made-gaussians-spz gaussians head/head_src.glb -o OUT/out.spz --sigma 0.25 --sharpen 1
 }
