@@ -59,32 +59,41 @@ Rows<Options> shape_rows(Shape shape, const std::string& size_help) {
   };
 }
 
-Rows<ProxyOptions> proxy_rows() {
-  using Options = ProxyOptions;
-  Rows<Options> rows{
+template <class Options, class Source, class Output>
+Rows<Options> file_rows(Source source, Output output, const std::string& output_help) {
+  return {
       row<Options>({.name = "source",
                     .value = "SOURCE",
                     .help = kSource,
                     .is_operand = true,
                     .is_required = true},
-                   path(&Options::source), any_text()),
+                   source, any_text()),
       row<Options>({.name = "output",
                     .value = "OUTPUT",
                     .group = "Output",
-                    .help = "Mesh to write (.glb), in the source's coordinates. It appears whole "
-                            "or not at all",
+                    .help = output_help + ". It appears whole or not at all",
                     .letter = 'o',
                     .is_required = true},
-                   path(&Options::output), text(parse_path)),
-      row<Options>(
-          {.name = "source-axes",
-           .value = "AXES",
-           .group = "Output",
-           .help = "OUTPUT's x, y and z as SOURCE's, such as x,-y,-z. A transfer onto OUTPUT "
-                   "needs the same",
-           .default_text = "as stored"},
-          path(&Options::axes), axes(false)),
+                   output, text(parse_path)),
   };
+}
+
+Rows<ProxyOptions> proxy_rows() {
+  using Options = ProxyOptions;
+  Rows<Options> rows = file_rows<Options>(path(&Options::source), path(&Options::output),
+                                          "Mesh to write (.glb), in the source's coordinates");
+  append(
+      rows,
+      {
+          row<Options>(
+              {.name = "source-axes",
+               .value = "AXES",
+               .group = "Output",
+               .help = "OUTPUT's x, y and z as SOURCE's, such as x,-y,-z. A transfer onto OUTPUT "
+                       "needs the same",
+               .default_text = "as stored"},
+              path(&Options::axes), axes(false)),
+      });
   append(rows, shape_rows<Options>(path(&Options::shape),
                                    "Texels along the texture that is to be made: the gutter is "
                                    "counted in these"));
@@ -140,22 +149,10 @@ Row<TexturedMeshOptions> lifted(const Row<TransferOptions>& row) {
 
 Rows<TexturedMeshOptions> textured_rows() {
   using Options = TexturedMeshOptions;
-  Rows<Options> rows{
-      row<Options>({.name = "source",
-                    .value = "SOURCE",
-                    .help = kSource,
-                    .is_operand = true,
-                    .is_required = true},
-                   path(&Options::transfer, &TransferOptions::source), any_text()),
-      row<Options>({.name = "output",
-                    .value = "OUTPUT",
-                    .group = "Output",
-                    .help = "Model to write (.glb, .gltf), in the source's coordinates, with a PNG "
-                            "per channel. It appears whole or not at all",
-                    .letter = 'o',
-                    .is_required = true},
-                   path(&Options::transfer, &TransferOptions::output), text(parse_path)),
-  };
+  Rows<Options> rows = file_rows<Options>(
+      path(&Options::transfer, &TransferOptions::source),
+      path(&Options::transfer, &TransferOptions::output),
+      "Model to write (.glb, .gltf), in the source's coordinates, with a PNG per channel");
   append(rows, shape_rows<Options>(path(&Options::shape), "Texels along each side of the texture"));
   for (const Row<TransferOptions>& row : rows_of<TransferOptions>()) {
     const bool is_resource = row.info.group.starts_with("Resources");

@@ -343,21 +343,18 @@ class Charts::Cutter {
   std::vector<std::vector<std::uint32_t>> lay(Chart& chart) {
     const Patch patch = patch_of(chart.triangles);
     std::vector<Vec2d> flat = lay_flat(patch, axis_of(chart.triangles), poll_);
-    double in_space = 0, in_plane = 0;
-    for (std::size_t i = 0; i < patch.triangles.size(); ++i) {
-      const Triangle& c = patch.triangles[i];
-      in_space += length(areas_[chart.triangles[i]]);
-      in_plane += std::abs((flat[c[1]].x - flat[c[0]].x) * (flat[c[2]].y - flat[c[0]].y) -
-                           (flat[c[1]].y - flat[c[0]].y) * (flat[c[2]].x - flat[c[0]].x)) /
-                  2;
-    }
-    const double scale = in_plane > 0 ? std::sqrt(in_space / in_plane) : 1;
-    for (Vec2d& p : flat) p = p * scale;
+    double in_space = 0;
+    for (const std::uint32_t t : chart.triangles) in_space += length(areas_[t]);
     for (const Triangle& c : patch.triangles) {
       for (const std::uint32_t v : c) {
         chart.corners.push_back(flat[v]);
         chart.points.push_back(v);
       }
+    }
+    const double in_plane = area_of(chart);
+    const double scale = in_plane > 0 ? std::sqrt(in_space / in_plane) : 1;
+    for (auto* points : {&flat, &chart.corners}) {
+      for (Vec2d& p : *points) p = p * scale;
     }
     if (chart.triangles.size() == 1) return {};
     double stretched = 0;

@@ -14,7 +14,7 @@
 
 namespace pounce::unwrap {
 
-/// A chart laid flat: its triangles do not overlap, and none is turned over.
+/// A chart laid flat: its triangles do not overlap (find_overlap()), and none is turned over.
 struct Chart {
   std::vector<std::uint32_t> triangles;
   std::vector<Vec2d> corners;  ///< three for each of them, in space's units, v downwards
@@ -54,8 +54,8 @@ double share_of_box(const Chart& chart);
 /// Of its triangles in the plane, which is that in space.
 double area_of(const Chart& chart);
 
-/// Two triangles of a chart that overlap, by their numbers in it; nothing: none do, but for what
-/// rounding makes of slivers.
+/// Two triangles of a chart that overlap, by their numbers in it; nothing: none do by more than
+/// a thousandth of the smaller one.
 std::optional<std::pair<std::size_t, std::size_t>> find_overlap(const Chart& chart);
 
 /// From where to where, along x, a triangle reaches between two heights; from > to: nowhere.

@@ -144,9 +144,9 @@ struct Mask {
   Vec2d origin;       ///< of its turned corners, in texels: where the first cell begins
 };
 
-/// Cosine and sine of 0, 30 and 60 degrees, nearly: unit vectors of whole numbers.
+/// Cosine and sine of 0, 30 and 60 degrees.
 constexpr std::array<std::array<double, 2>, 3> kSlants{
-    {{1, 0}, {0.8689655172413793, 0.49487179487179487}, {0.5, 0.8660254037844386}}};
+    {{1, 0}, {0.8660254037844386, 0.5}, {0.5, 0.8660254037844386}}};
 constexpr std::size_t kFew = 400;
 constexpr double kMostCells = 1024;
 

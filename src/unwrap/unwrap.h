@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// UVs for a mesh that has none: charts of triangles that face about alike, each laid flat by
-// looking at it from its side, packed into the unit square.
+// UVs for a mesh that has none: charts of triangles around which the surface faces about alike,
+// unfolded and packed into the unit square.
 #pragma once
 
 #include <array>
@@ -32,10 +32,10 @@ struct Unwrapped {
   bool fits = true;  ///< false: so many charts have no room with gutters between them; no UVs
 };
 
-/// No two triangles overlap, but for what rounding makes of slivers. A texel is as large
-/// everywhere, but where a triangle is seen from aside: there it is up to 1.5 times as long.
-/// Triangles without area are on the border of a chart of their neighbours. The same on every
-/// machine. `poll` is called often and may throw.
+/// No two triangles overlap by more than a thousandth of the smaller one. Charts have the area that
+/// they have in space, in one scale; of each no more than a tenth is stretched by more than 1.6.
+/// Triangles without area are anywhere in a chart of their neighbours. The same at any number of
+/// threads: it works on one. `poll` is called often and may throw.
 Unwrapped unwrap(
     std::span<const Vec3f> positions, std::span<const Triangle> triangles, const Options& options,
     const std::function<void()>& poll = [] {});

@@ -19,8 +19,6 @@ namespace {
 
 /// What a transfer of small images needs, which follows.
 constexpr std::uint64_t kTransferring = 12ULL << 20;
-/// Of a box's longest side: beyond them squares leave the numbers that can be told apart.
-constexpr float kLeastSize = 1e-15F, kMostSize = 1e15F;
 
 /// Vertices at one place become one. Triangles of which two corners are one then go.
 meshing::Surface welded(const mesh::Mesh& mesh) {
@@ -64,8 +62,7 @@ SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& opti
   planning::refuse_over_input(options.output, {path});
   planning::refuse_over_input(options.output, mesh.files);
   const Vec3f size = planning::box_of(mesh).hi - planning::box_of(mesh).lo;
-  if (const float longest = std::max({size.x, size.y, size.z});
-      !(longest >= kLeastSize && longest <= kMostSize)) {
+  if (const float longest = std::max({size.x, size.y, size.z}); !is_usable_size(longest)) {
     throw Error(
         ErrorKind::input,
         fmt::format("{}: spans {:g} units, of which no mesh can be made; scale it", path, longest));

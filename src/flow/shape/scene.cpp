@@ -140,8 +140,7 @@ class SceneShape {
     }
     const Vec3f size = box.hi - box.lo;
     const float longest = std::max({size.x, size.y, size.z});
-    constexpr float kLeast = 1e-15F, kMost = 1e15F;
-    if (!(longest >= kLeast && longest <= kMost)) {
+    if (!is_usable_size(longest)) {
       throw Error(ErrorKind::input,
                   fmt::format("{}: spans {:g} units, of which no surface can be made; scale it, or "
                               "choose what is wanted of it with --box",

@@ -19,6 +19,10 @@ struct SourceSurface {
   runtime::Lease room;
 };
 
+/// Of the longest side of what a mesh is made of, in its units: beyond them squares leave the
+/// numbers that single precision can tell apart.
+constexpr bool is_usable_size(float longest) { return longest >= 1e-15F && longest <= 1e15F; }
+
 /// What a surface takes with what its steps need beside it: edges, what simplifying holds, charts.
 constexpr std::uint64_t surface_bytes(std::uint64_t triangles) { return 250 * triangles; }
 /// With the simpler one that is fitted to it, and what its least squares hold.

@@ -147,8 +147,8 @@ TEST_CASE("a cube is unfolded, and nothing of it stretched") {
 }
 
 TEST_CASE("a rough surface does not fall to pieces") {
-  // As captures are: every point is off by up to a third of an edge, so that many triangles face
-  // anywhere. By their own normals there are more than a thousand charts.
+  // As captures are: every point is off by up to two thirds of an edge, so that many triangles face
+  // anywhere.
   std::uint32_t state = 1;
   const auto noise = [&state] {
     state = state * 1664525U + 1013904223U;
@@ -156,21 +156,21 @@ TEST_CASE("a rough surface does not fall to pieces") {
   };
   auto ball = grid(40, 80, false, true, [&](double r, double c) {
     const double a = kPi * (0.02 + 0.96 * r), b = 2 * kPi * c;
-    const double far = 1 + 0.05 * noise();
+    const double far = 1 + 0.1 * noise();
     return Vec3d{far * std::sin(a) * std::cos(b), far * std::sin(a) * std::sin(b),
                  far * std::cos(a)};
   });
   const Options options{1024, 4};
   const Unwrapped flat = unwrap(ball.positions, ball.triangles, options);
   CAPTURE(flat.chart_count, flat.fill);
-  CHECK(flat.chart_count < 150);
+  CHECK(flat.chart_count < 120);  // 305 by the triangles' own normals
   CHECK(flat.fill > 0.6);
   check(ball, options, flat);
 }
 
 TEST_CASE("two sheets that touch, and a flap that is folded onto itself") {
-  // A sheet with both sides, which share their points but along one line; and a triangle whose back
-  // is one of its own, hung up at two edges.
+  // A sheet with both sides, which share all their points: inner edges have four triangles, and at
+  // two of the corners a triangle and its back share two edges.
   Mesh mesh = grid(12, 12, false, false, [](double r, double c) {
     return Vec3d{c, 1 - r, 0.1 * std::sin(3 * c)};
   });
