@@ -48,8 +48,12 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
     positions.push_back(surface.positions[v]);
     own_normals.push_back(normals[v]);
   }
-  job.report.bytes_written +=
-      write({positions, own_normals, flat.uvs, flat.triangles, made.origin});
+  job.report.bytes_written += write({positions,
+                                     own_normals,
+                                     flat.uvs,
+                                     flat.triangles,
+                                     {{"proxy", flat.triangles.size()}},
+                                     made.origin});
   job.note(fmt::format("{} triangles in {} charts, which fill {:.0f} % of the image",
                        flat.triangles.size(), flat.chart_count, 100 * flat.fill));
   job.meter.advance(1);

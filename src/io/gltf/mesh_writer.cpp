@@ -9,6 +9,7 @@
 
 #include "core/bounds.h"
 #include "io/files/output_file.h"
+#include "io/json/untrusted.h"
 #include "io/problems.h"
 
 namespace pounce::io {
@@ -22,22 +23,38 @@ std::uint64_t write_glb(FILE* stream, const std::string& name, const PlainMesh& 
                                            vertices * sizeof(Vec2f), mesh.triangles.size_bytes()};
   const std::uint64_t binary = bytes[0] + bytes[1] + bytes[2] + bytes[3];  // a multiple of four
   const Vec3d& o = mesh.origin;
+  std::string materials, primitives, indices;
+  std::uint64_t first = 0;  // of its triangles
+  for (std::size_t k = 0; k < mesh.materials.size(); ++k) {
+    const PlainMaterial& material = mesh.materials[k];
+    const char* const comma = k == 0 ? "" : ",";
+    materials += fmt::format(
+        "{}{{\"name\":{},\"pbrMetallicRoughness\":{{\"metallicFactor\":0}}{}}}", comma,
+        json_quoted(material.name), material.double_sided ? ",\"doubleSided\":true" : "");
+    primitives += fmt::format(
+        "{}{{\"attributes\":{{\"POSITION\":0,\"NORMAL\":1,\"TEXCOORD_0\":2}},"
+        "\"indices\":{},\"material\":{}}}",
+        comma, 3 + k, k);
+    indices += fmt::format(
+        ",{{\"bufferView\":3,{}\"componentType\":5125,\"count\":{},\"type\":"
+        "\"SCALAR\"}}",
+        first == 0 ? "" : fmt::format("\"byteOffset\":{},", first * 12), 3 * material.triangles);
+    first += material.triangles;
+  }
   std::string json = fmt::format(
       "{{\"asset\":{{\"version\":\"2.0\",\"generator\":\"pounce\"}},\"scene\":0,"
-      "\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0{}}}],"
-      "\"materials\":[{{\"name\":\"proxy\",\"pbrMetallicRoughness\":{{\"metallicFactor\":0}}}}],"
-      "\"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":0,\"NORMAL\":1,"
-      "\"TEXCOORD_0\":2}},\"indices\":3,\"material\":0}}]}}],",
-      o == Vec3d{} ? "" : fmt::format(",\"translation\":[{},{},{}]", o.x, o.y, o.z));
-  const auto accessor = [&](std::size_t k, int type, std::uint64_t count, const char* shape) {
-    return fmt::format("{{\"bufferView\":{},\"componentType\":{},\"count\":{},\"type\":\"{}\"", k,
-                       type, count, shape);
+      "\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0{}}}],\"materials\":[{}],"
+      "\"meshes\":[{{\"primitives\":[{}]}}],",
+      o == Vec3d{} ? "" : fmt::format(",\"translation\":[{},{},{}]", o.x, o.y, o.z), materials,
+      primitives);
+  const auto accessor = [&](std::size_t k, const char* shape) {
+    return fmt::format("{{\"bufferView\":{},\"componentType\":5126,\"count\":{},\"type\":\"{}\"", k,
+                       vertices, shape);
   };
   json += fmt::format(
-      "\"accessors\":[{},\"min\":[{},{},{}],\"max\":[{},{},{}]}},{}}},{}}},{}}}],\"bufferViews\":[",
-      accessor(0, 5126, vertices, "VEC3"), box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y,
-      box.hi.z, accessor(1, 5126, vertices, "VEC3"), accessor(2, 5126, vertices, "VEC2"),
-      accessor(3, 5125, 3 * mesh.triangles.size(), "SCALAR"));
+      "\"accessors\":[{},\"min\":[{},{},{}],\"max\":[{},{},{}]}},{}}},{}}}{}],\"bufferViews\":[",
+      accessor(0, "VEC3"), box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z,
+      accessor(1, "VEC3"), accessor(2, "VEC2"), indices);
   std::uint64_t at = 0;
   for (std::size_t k = 0; k < bytes.size(); ++k) {
     json += fmt::format("{}{{\"buffer\":0,\"byteOffset\":{},\"byteLength\":{},\"target\":{}}}",

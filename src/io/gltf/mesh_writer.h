@@ -6,17 +6,26 @@
 #include <cstdio>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "core/vec.h"
 
 namespace pounce::io {
 
-/// A mesh of one primitive with one set of UVs (v downwards) and a plain white material.
+/// A white material and the triangles that have it.
+struct PlainMaterial {
+  std::string name;
+  std::uint64_t triangles = 0;  ///< above 0: those that follow the last one's
+  bool double_sided = false;
+};
+
+/// A mesh with one set of UVs (v downwards), a primitive for each material.
 struct PlainMesh {
   std::span<const Vec3f> positions, normals;  ///< as many of each
   std::span<const Vec2f> uvs;                 ///< and of these
   std::span<const std::array<std::uint32_t, 3>> triangles;
-  Vec3d origin;  ///< positions are counted from there: a node moves them
+  std::vector<PlainMaterial> materials;  ///< have all of the triangles
+  Vec3d origin;                          ///< positions are counted from there: a node moves them
 };
 
 /// Writes it as .glb to the stream's end; who owns the stream looks for errors of writing. `name`
