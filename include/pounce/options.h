@@ -242,6 +242,11 @@ struct AxisBox {
   std::array<double, 3> lowest{}, highest{};  ///< x, y, z
 };
 
+/// A point in the air of a room, in the job's axes and units.
+struct AirPoint {
+  std::optional<std::array<double, 3>> at = {};  ///< nothing: the middle of the scene
+};
+
 /// Standard deviation of a texel's Gaussian in texels where nothing else is asked for.
 inline constexpr double kDefaultSigma = 0.5;
 /// Gaussians that are less opaque are left out where nothing else is asked for: nobody sees them.
@@ -517,6 +522,8 @@ struct MeshShape {
   std::uint32_t cells = 256;  ///< of scenes, along their longest side: 16..512
   /// Of scenes: what no view sees counts as inside, so that nothing stays open there.
   bool close = false;
+  /// Of scenes that are rooms: what is seen from within, as far as the air around this reaches.
+  std::optional<AirPoint> inside = {};
   std::uint32_t size = 2048;  ///< texels along the image that charts are packed for
   std::uint32_t gutter = 4;   ///< texels between charts: 0..64
 };

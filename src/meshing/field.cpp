@@ -31,8 +31,39 @@ std::uint64_t Field::bytes(const Lattice& lattice) {
          round_to_pages(lattice.count() * sizeof(std::uint16_t));
 }
 
+namespace {
+
+/// What is known of a pixel of which nothing is: it hides all.
+constexpr std::uint16_t kUnknown = 0;
+
+}  // namespace
+
+bool Air::has(Vec3f place) const {
+  std::array<std::uint32_t, 3> at{};
+  const Vec3f cells = (place - lattice_.low) * (1 / lattice_.cell);
+  const std::array<float, 3> along{cells.x, cells.y, cells.z};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const float nearest = std::floor(along[k] + 0.5F);
+    if (!(nearest >= 0 && nearest < static_cast<float>(lattice_.corners[k]))) return false;
+    at[k] = static_cast<std::uint32_t>(nearest);
+  }
+  return has(lattice_.index(at[0], at[1], at[2]));
+}
+
+void forget_solid(const views::Grid& grid, const Air& air, std::uint32_t view,
+                  std::span<std::uint16_t> depths) {
+  const std::uint32_t edge = grid.edge();
+  for (std::uint32_t y = 0; y < edge; ++y) {
+    for (std::uint32_t x = 0; x < edge; ++x) {
+      const views::Seen begin{static_cast<float>(x), static_cast<float>(y), grid.begin(view)};
+      if (!air.has(grid.place(view, begin))) depths[std::size_t{y} * edge + x] = kUnknown;
+    }
+  }
+}
+
 void Field::add(const views::Grid& grid, const DepthView& view, std::uint32_t first,
                 std::uint32_t last) {
+  const float begin = grid.begins_within() ? grid.begin(view.view) : 0;
   const auto edge = static_cast<std::int32_t>(grid.edge());
   const float per_cell = 1 / grid.in_steps(lattice_.cell);
   for (std::uint32_t z = first; z < last; ++z) {
@@ -41,7 +72,7 @@ void Field::add(const views::Grid& grid, const DepthView& view, std::uint32_t fi
         const views::Seen seen = grid.see(view.view, lattice_.place(x, y, z));
         const auto px = static_cast<std::int32_t>(std::floor(seen.x + 0.5F)),
                    py = static_cast<std::int32_t>(std::floor(seen.y + 0.5F));
-        if (px < 0 || py < 0 || px >= edge || py >= edge) continue;
+        if (px < 0 || py < 0 || px >= edge || py >= edge || seen.depth < begin) continue;
         const std::uint16_t depth =
             view.depths[static_cast<std::size_t>(py) * static_cast<std::size_t>(edge) +
                         static_cast<std::size_t>(px)];
@@ -57,6 +88,69 @@ void Field::add(const views::Grid& grid, const DepthView& view, std::uint32_t fi
       }
     }
   }
+}
+
+std::optional<Air> Field::air_around(Vec3f place, float cells) const {
+  const float least = cells / kTruncation * kSteps;
+  const auto is_free = [&](std::uint64_t at) {
+    return seen_[at] > 0 && is_outside(at) && value(at) >= least;
+  };
+  const std::uint32_t nx = lattice_.corners[0], ny = lattice_.corners[1], nz = lattice_.corners[2];
+  std::uint64_t start = lattice_.count();
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::uint32_t z = 0; z < nz; ++z) {
+    for (std::uint32_t y = 0; y < ny; ++y) {
+      for (std::uint32_t x = 0; x < nx; ++x) {
+        const std::uint64_t at = lattice_.index(x, y, z);
+        if (!is_free(at)) continue;
+        const Vec3d away(lattice_.place(x, y, z) - place);
+        if (!(dot(away, away) < nearest)) continue;
+        nearest = dot(away, away);
+        start = at;
+      }
+    }
+  }
+  if (start == lattice_.count()) return {};
+  // Through the lattice to and fro until nothing comes: no list of what is waiting.
+  Air air(lattice_);
+  air.add(start);
+  const auto visit = [&](std::uint32_t x, std::uint32_t y, std::uint32_t z) {
+    const std::uint64_t at = lattice_.index(x, y, z);
+    if (air.has(at) || !is_free(at)) return false;
+    const std::uint64_t row = nx, layer = std::uint64_t{nx} * ny;
+    const bool is_reached = (x > 0 && air.has(at - 1)) || (x + 1 < nx && air.has(at + 1)) ||
+                            (y > 0 && air.has(at - row)) || (y + 1 < ny && air.has(at + row)) ||
+                            (z > 0 && air.has(at - layer)) || (z + 1 < nz && air.has(at + layer));
+    if (is_reached) air.add(at);
+    return is_reached;
+  };
+  for (bool any = true; any;) {
+    any = false;
+    for (std::uint32_t z = 0; z < nz; ++z) {
+      for (std::uint32_t y = 0; y < ny; ++y) {
+        for (std::uint32_t x = 0; x < nx; ++x) any = visit(x, y, z) || any;
+      }
+    }
+    for (std::uint32_t z = nz; z-- > 0;) {
+      for (std::uint32_t y = ny; y-- > 0;) {
+        for (std::uint32_t x = nx; x-- > 0;) any = visit(x, y, z) || any;
+      }
+    }
+  }
+  return air;
+}
+
+void Field::keep_air(const Air& air) {
+  for (std::size_t i = 0; i < seen_.size(); ++i) {
+    if (seen_[i] == 0 || !is_outside(i) || air.has(i)) continue;
+    seen_[i] = 1;
+    sums_[i] = -static_cast<std::int32_t>(kSteps);
+  }
+}
+
+void Field::clear() {
+  std::fill(sums_.begin(), sums_.end(), 0);
+  std::fill(seen_.begin(), seen_.end(), std::uint16_t{0});
 }
 
 void Field::close() {

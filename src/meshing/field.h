@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "core/bounds.h"
@@ -43,6 +44,26 @@ struct DepthView {
   std::span<const std::uint16_t> depths;
 };
 
+/// Corners of a lattice that are air: outside of what is solid, and reached from one place.
+class Air {
+ public:
+  explicit Air(const Lattice& lattice) : lattice_(lattice), has_(lattice.count()) {}
+  static std::uint64_t bytes(const Lattice& lattice) { return round_to_pages(lattice.count()); }
+
+  /// Is the corner nearest to a place air? Nowhere beyond the lattice.
+  bool has(Vec3f place) const;
+  bool has(std::uint64_t corner) const { return has_[corner] != 0; }
+  void add(std::uint64_t corner) { has_[corner] = 1; }
+
+ private:
+  Lattice lattice_;
+  PageVector<std::uint8_t> has_;
+};
+
+/// Forgets what a view from within shows where it begins outside of the air.
+void forget_solid(const views::Grid& grid, const Air& air, std::uint32_t view,
+                  std::span<std::uint16_t> depths);
+
 class Field {
  public:
   explicit Field(const Lattice& lattice);
@@ -52,6 +73,12 @@ class Field {
   /// What a view says of layers [first, last) along z. Layers of one view may be added side by
   /// side; sums are whole numbers, so views come in any order.
   void add(const views::Grid& grid, const DepthView& view, std::uint32_t first, std::uint32_t last);
+  void clear();  ///< as if no view had been added
+  /// What is farther outside than `cells` (below kTruncation) and hangs together with the corner
+  /// nearest to a place that is. Nothing where no corner is.
+  std::optional<Air> air_around(Vec3f place, float cells) const;
+  /// All that is not air counts as inside from here on, where some view has seen it.
+  void keep_air(const Air& air);
   /// What no view has seen counts as inside from here on: nothing stays open there.
   void close();
   /// No more triangles than that has surface().

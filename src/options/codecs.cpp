@@ -110,6 +110,14 @@ Codec<AxisBox> box() {
           "", true};
 }
 
+Codec<AirPoint> air_point() {
+  return {parse_air_point,
+          [](const AirPoint& point) {
+            return point.at ? fmt::format("{}", fmt::join(*point.at, ",")) : std::string("middle");
+          },
+          "", true};
+}
+
 // Lists are parsed as a whole and printed one element at a time: a report has them as a JSON list.
 // Ranges are not restored; their numbers are.
 Codec<std::vector<std::uint32_t>, std::uint32_t> udims() {

@@ -55,6 +55,7 @@ Codec<std::uint64_t> limit();
 Codec<ImageSize> image_size();
 Codec<Length> length();
 Codec<AxisBox> box();
+Codec<AirPoint> air_point();
 Codec<std::vector<std::uint32_t>, std::uint32_t> udims();
 Codec<std::vector<Channel>, Channel> baked();
 /// The opacity below which Gaussians are skipped; prints nothing where it skips none.

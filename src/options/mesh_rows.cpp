@@ -51,6 +51,14 @@ Rows<Options> shape_rows(Shape shape, const std::string& size_help) {
                    "the surface stays open there",
            .source = Source::splats},
           member(&MeshShape::close)),
+      row<Options>({.name = "inside",
+                    .value = "X,Y,Z|middle",
+                    .group = "Mesh",
+                    .help = "SOURCE is a room: its surface as seen from within, as far as the air "
+                            "around this point reaches (middle: of the scene)",
+                    .default_text = "none",
+                    .source = Source::splats},
+                   member(&MeshShape::inside), air_point()),
       row<Options>({.name = "size", .value = "N", .group = "UVs", .help = size_help},
                    member(&MeshShape::size), integer<std::uint32_t>(64, 65536)),
       row<Options>(

@@ -189,24 +189,43 @@ Factors parse_factors(const std::string& option, const std::string& text) {
   refuse_value(option, text, "apply, ignore, textures, factors or vertices");
 }
 
+namespace {
+
+/// Exactly so many numbers with commas between them.
+template <std::size_t count>
+std::array<double, count> parse_numbers(const std::string& option, const std::string& text,
+                                        const char* expected) {
+  std::array<double, count> numbers{};
+  // With a comma in front all are alike: a comma, then a number.
+  std::string rest = "," + text;
+  for (double& value : numbers) {
+    std::string after;
+    if (!rest.starts_with(",") || !leading_number(rest.substr(1), value, after))
+      refuse_value(option, text, expected);
+    rest = after;
+  }
+  if (!rest.empty()) refuse_value(option, text, expected);
+  return numbers;
+}
+
+}  // namespace
+
 AxisBox parse_box(const std::string& option, const std::string& text) {
   constexpr const char* kExpected =
       "six numbers, lowest x,y,z before highest x,y,z (-1,-1,0,1,1,2)";
+  const auto numbers = parse_numbers<6>(option, text, kExpected);
   AxisBox box;
-  // With a comma in front all six are alike: a comma, then a number.
-  std::string rest = "," + text;
-  for (std::size_t i = 0; i < 6; ++i) {
-    double& value = i < 3 ? box.lowest[i] : box.highest[i - 3];
-    const bool is_next = rest.starts_with(",");
-    std::string after;
-    if (!is_next || !leading_number(rest.substr(1), value, after) || (i == 5 && !after.empty()))
-      refuse_value(option, text, kExpected);
-    rest = after;
-  }
   for (std::size_t k = 0; k < 3; ++k) {
+    box.lowest[k] = numbers[k];
+    box.highest[k] = numbers[k + 3];
     if (box.lowest[k] > box.highest[k]) refuse_value(option, text, kExpected);
   }
   return box;
+}
+
+AirPoint parse_air_point(const std::string& option, const std::string& text) {
+  if (text == "middle") return {};
+  return {parse_numbers<3>(option, text, "x,y,z (0,1.5,0.2), or middle")};
 }
 
 std::vector<Channel> parse_channels(const std::string& option, const std::string& text,

@@ -42,6 +42,8 @@ struct Factors {
 Factors parse_factors(const std::string& option, const std::string& text);
 /// "x0,y0,z0,x1,y1,z1": six numbers, the lower end of each side first.
 AxisBox parse_box(const std::string& option, const std::string& text);
+/// "x,y,z", or "middle".
+AirPoint parse_air_point(const std::string& option, const std::string& text);
 /// Channel names between commas, each at most once. What is no channel becomes one of `maps`.
 std::vector<Channel> parse_channels(const std::string& option, const std::string& text,
                                     std::vector<OtherMap>& maps);

@@ -33,6 +33,11 @@ void Canvas::clear() {
   std::fill(std::begin(depth), std::end(depth), -1.0F);
 }
 
+void Canvas::begin_at(float first) {
+  clips = true;
+  std::fill(std::begin(begin), std::end(begin), first);
+}
+
 void Canvas::begin_before(const std::uint16_t* depths, float gap) {
   clips = true;
   for (int y = 0; y < kStoredEdge; ++y) {

@@ -45,6 +45,8 @@ struct alignas(64) Canvas {
   bool clips = false;
 
   void clear();
+  /// All pixels begin at this depth.
+  void begin_at(float first);
   /// Pixels begin `gap` before these depths, samples of a target's tile; those without are none.
   void begin_before(const std::uint16_t* depths, float gap);
 };

@@ -71,6 +71,11 @@ Grid::Grid(const Box3f& target, float edge, std::uint32_t views) : frames_(frame
   per_step_ = 1 / depth_step_;
 }
 
+void Grid::begin_within(Vec3f point) {
+  begins_.clear();
+  for (std::uint32_t view = 0; view < views(); ++view) begins_.push_back(see(view, point).depth);
+}
+
 bool Grid::has(std::uint32_t view, std::uint32_t tile_x, std::uint32_t tile_y) const {
   const Frame& f = frames_[view];
   const Vec3f half = (region_.hi - region_.lo) * 0.5F;
@@ -98,6 +103,7 @@ store::ColourDirectory Grid::image(std::uint32_t samples) const {
 void Grid::add_to(Hasher& hash) const {
   hash.add(views());
   hash.add(pixel_);
+  for (const float begin : begins_) hash.add(begin);
   for (const Vec3f corner : {region_.lo, region_.hi}) {
     hash.add(corner.x);
     hash.add(corner.y);

@@ -61,7 +61,13 @@ class Grid {
   /// finer than 1.4 thousandths of the box's diagonal either (docs/decisions/061-views.md).
   Grid(const Box3f& target, float edge, std::uint32_t views);
 
+  /// Seen from within instead: each view begins at the plane through a point across its direction.
+  void begin_within(Vec3f point);
+
   std::uint32_t views() const { return static_cast<std::uint32_t>(frames_.size()); }
+  bool begins_within() const { return !begins_.empty(); }
+  /// Of a view from within, in steps of depth: nothing is seen before.
+  float begin(std::uint32_t view) const { return begins_[view]; }
   const Frame& frame(std::uint32_t view) const { return frames_[view]; }
   float pixel() const { return pixel_; }                  ///< its edge in space
   std::uint32_t tiles_across() const { return across_; }  ///< of a view, both ways
@@ -78,6 +84,13 @@ class Grid {
             dot(f.down, from) * per_pixel_ + middle_pixel_,
             dot(f.forward, from) * per_step_ + static_cast<float>(kMostDepth / 2)};
   }
+  /// The other way round.
+  Vec3f place(std::uint32_t view, const Seen& seen) const {
+    const Frame& f = frames_[view];
+    return middle_ +
+           (f.right * (seen.x - middle_pixel_) + f.down * (seen.y - middle_pixel_)) * pixel_ +
+           f.forward * ((seen.depth - static_cast<float>(kMostDepth / 2)) * depth_step_);
+  }
   /// Does some of the region lie in a tile, with its apron?
   bool has(std::uint32_t view, std::uint32_t tile_x, std::uint32_t tile_y) const;
 
@@ -91,6 +104,7 @@ class Grid {
 
  private:
   std::vector<Frame> frames_;
+  std::vector<float> begins_;  ///< by view; none: from outside
   Box3f region_;
   Vec3f middle_;
   float pixel_ = 0, per_pixel_ = 0, middle_pixel_ = 0, depth_step_ = 0, per_step_ = 0;

@@ -87,16 +87,20 @@ void print_rankings(const RankingOptions& o) {
   }
 }
 
+constexpr const char* kOneSided =
+    "Leave out triangles that face away, so that a room is open like a doll's house";
+
 struct PictureOptions {
   std::string scene, target, output;
   std::vector<std::string> images;
   score::Framing framing;
-  bool harmonics = false, wireframe = false;
+  bool harmonics = false, wireframe = false, one_sided = false;
 };
 
 void draw_pictures(const PictureOptions& o) {
   const mesh::Mesh target = io::read_mesh(o.target);
-  const score::View view = score::view_of(target, o.framing);
+  score::View view = score::view_of(target, o.framing);
+  view.one_sided = o.one_sided;
   const std::size_t size = view.size;
   std::vector<std::vector<Vec3d>> pictures{
       score::draw_scene(score::read_scene(o.scene), view, o.harmonics, kBackground)};
@@ -205,6 +209,7 @@ struct ModelsOptions {
   std::vector<std::string> models;
   std::size_t count = 26;
   std::uint32_t size = 448, finer = 3;
+  bool one_sided = false;
 };
 
 void print_models(const ModelsOptions& o) {
@@ -220,7 +225,8 @@ void print_models(const ModelsOptions& o) {
   for (const bool lit : {false, true}) {
     std::vector<score::Likeness> all(models.size());
     for (const Vec3d way : ways) {
-      const score::View view = score::view_along(truth.mesh, way, o.size);
+      score::View view = score::view_along(truth.mesh, way, o.size);
+      view.one_sided = o.one_sided;
       const score::Seen seen = score::see_model(truth, view, o.finer, lit);
       tbb::parallel_for(std::size_t{0}, models.size(), [&](std::size_t k) {
         all[k].add(score::likeness(seen, score::see_model(models[k], view, o.finer, lit), nullptr,
@@ -313,6 +319,7 @@ void add_models(CLI::App& app, std::function<void()>& run, ModelsOptions& o) {
   c->add_option("--samples", o.finer, "Samples along a pixel's edge")
       ->check(CLI::Range(1, 8))
       ->capture_default_str();
+  c->add_flag("--one-sided", o.one_sided, kOneSided);
   c->callback([&run, &o] { run = [&o] { print_models(o); }; });
 }
 
@@ -371,6 +378,7 @@ void add_picture(CLI::App& app, std::function<void()>& run, PictureOptions& o) {
       ->capture_default_str();
   c->add_flag("--wireframe", o.wireframe, "The target's triangles between the two, too");
   c->add_flag("--sh", o.harmonics, "The scene shows spherical harmonics; else degree 0 alone");
+  c->add_flag("--one-sided", o.one_sided, kOneSided);
   c->callback([&run, &o] { run = [&o] { draw_pictures(o); }; });
 }
 

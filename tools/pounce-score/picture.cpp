@@ -172,6 +172,8 @@ Seen see_triangles(const mesh::Mesh& mesh, const View& view, std::uint32_t finer
   };
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     const auto& t = mesh.triangles[i];
+    const Vec3d a(mesh.positions[t[0]]), b(mesh.positions[t[1]]), c(mesh.positions[t[2]]);
+    if (view.one_sided && dot(cross(b - a, c - a), view.forward) >= 0) continue;
     raster.draw({corner(t[0]), corner(t[1]), corner(t[2])}, shader_of(i));
   }
   return averaged(view.size, finer, [&](std::size_t i) {

@@ -20,6 +20,8 @@ struct View {
   Vec3d corner;                ///< centre of the upper left pixel
   double pixel = 0;            ///< edge of a pixel in the scene's units
   std::uint32_t size = 0;      ///< pixels along an edge
+  /// Triangles that face away are not drawn: a room is seen as a doll's house.
+  bool one_sided = false;
 
   Vec3d place(double x, double y) const {
     return corner + right * (x * pixel) + down * (y * pixel);

@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "flow/stores/gaussian_store.h"
 #include "flow/stores/splats.h"
@@ -37,6 +38,9 @@ constexpr double kAfterSorting = 0.3, kAfterViews = 0.85;
 constexpr std::uint32_t kViews = 48;
 /// Of the box's diagonal: pixels finer than this show the scene's noise (docs/decisions/067).
 constexpr double kPixel = 2.6e-3;
+/// Of the first look from within: nearer to what is seen than this nobody knows on which side of it
+/// a place is.
+constexpr float kFreeCells = meshing::kTruncation / 2;
 constexpr double kLeastPart = 0.02;  ///< of the largest part's area
 constexpr int kSmoothing = 3;
 constexpr float kAround = 0.03F;  ///< of the longest side, around all that is looked at
@@ -76,6 +80,7 @@ class SceneShape {
     for (const std::string& file : facts.files) planning::add_input(file, job_.report);
     planning::refuse_over_input(output_, facts.files);
     planning::move_to_origin(facts.origin, request_);
+    origin_ = facts.origin;
     job_.report.origin = {facts.origin.x, facts.origin.y, facts.origin.z};
     for (const std::string& assumption : facts.assumptions) job_.note(assumption);
     job_.note(planning::origin_note(request_.path, facts.origin));
@@ -96,7 +101,8 @@ class SceneShape {
   std::uint64_t field_bytes() const {
     const std::uint64_t corners = shape_.cells + std::uint64_t{2};
     const std::uint64_t edge = views::Grid::kMostAcross * std::uint64_t{views::kTileEdge};
-    return corners * corners * corners * (sizeof(std::int32_t) + sizeof(std::uint16_t)) +
+    const std::uint64_t of_air = shape_.inside ? 1 : 0;
+    return corners * corners * corners * (sizeof(std::int32_t) + sizeof(std::uint16_t) + of_air) +
            round_to_pages(edge * edge * sizeof(std::uint16_t));
   }
   /// Before it is known: as large as four sides of the cube.
@@ -151,7 +157,9 @@ class SceneShape {
 
   meshing::Surface surface_of(const std::shared_ptr<store::SplatStore>& store, const Box3f& box) {
     const double diagonal = length(Vec3d(box.hi) - Vec3d(box.lo));
-    const views::Grid grid(box, static_cast<float>(kPixel * diagonal), kViews);
+    views::Grid grid(box, static_cast<float>(kPixel * diagonal), kViews);
+    const Vec3f inside = shape_.inside ? air_point(box) : Vec3f{};
+    if (shape_.inside) grid.begin_within(inside);
     const store::SplatDirectory& scene = store->directory();
     ViewsRequest request;
     request.scene = store;
@@ -167,25 +175,42 @@ class SceneShape {
                        kAfterViews * end_);
       bool cached = false;
       drawn = drawn_scene(job_, request, grid, &cached);
-      job_.report.views = kViews;
+      job_.report.views = grid.views();
       job_.meter.end(cached);
     }
     const StageTimer timer(job_.clock, "surface");
-    job_.meter.begin("surface", kViews, "views", end_);
+    job_.meter.begin("surface", grid.views() * (shape_.inside ? 2 : 1), "views", end_);
     const meshing::Lattice lattice(box, shape_.cells);
     const std::string name = "the surface of " + request_.path;
     const std::size_t pixels = std::size_t{grid.edge()} * grid.edge();
-    const runtime::Lease lease(
-        job_.budget,
-        meshing::Field::bytes(lattice) + round_to_pages(pixels * sizeof(std::uint16_t)), name);
+    const runtime::Lease lease(job_.budget,
+                               meshing::Field::bytes(lattice) +
+                                   round_to_pages(pixels * sizeof(std::uint16_t)) +
+                                   (shape_.inside ? meshing::Air::bytes(lattice) : 0),
+                               name);
     meshing::Field field(lattice);
     PageVector<std::uint16_t> depths(pixels);
-    for (std::uint32_t view = 0; view < kViews; ++view) {
-      read_depths(grid, *drawn, view, depths);
-      tbb::parallel_for(std::uint32_t{0}, lattice.corners[2], [&](std::uint32_t z) {
-        field.add(grid, {view, depths}, z, z + 1);
-      });
-      job_.meter.advance(1);
+    const auto add_all = [&](const meshing::Air* air) {
+      for (std::uint32_t view = 0; view < grid.views(); ++view) {
+        read_depths(grid, *drawn, view, depths);
+        if (air != nullptr) meshing::forget_solid(grid, *air, view, depths);
+        tbb::parallel_for(std::uint32_t{0}, lattice.corners[2], [&](std::uint32_t z) {
+          field.add(grid, {view, depths}, z, z + 1);
+        });
+        job_.meter.advance(1);
+      }
+    };
+    add_all(nullptr);
+    if (shape_.inside) {
+      // What a view shows that begins in a wall or in a cupboard is not seen from the room.
+      std::optional<meshing::Air> air = field.air_around(inside, kFreeCells);
+      if (air) {
+        field.clear();
+        add_all(&*air);
+        air.reset();
+      }
+      air = field.air_around(inside, 0);
+      if (air) field.keep_air(*air);
     }
     if (shape_.close) field.close();
     const std::uint64_t most = field.most_triangles();
@@ -196,6 +221,12 @@ class SceneShape {
     meshing::Surface surface = field.surface();
     job_.meter.end();
     return surface;
+  }
+
+  Vec3f air_point(const Box3f& box) const {
+    if (!shape_.inside->at) return (box.lo + box.hi) * 0.5F;
+    const auto& [x, y, z] = *shape_.inside->at;
+    return Vec3f(Vec3d{x, y, z} - origin_);
   }
 
   static void read_depths(const views::Grid& grid, const ColourCache& drawn, std::uint32_t view,
@@ -227,6 +258,7 @@ class SceneShape {
   planning::SplatRequest request_;
   const MeshShape& shape_;
   const double end_;
+  Vec3d origin_;  ///< of the scene's coordinates
   runtime::Lease contexts_, directory_, surface_;
 };
 
@@ -241,8 +273,11 @@ SourceSurface surface_of_scene(job::JobContext& job, const TransferOptions& opti
   if (made.surface.triangles.empty()) {
     throw Error(ErrorKind::input,
                 options.source +
-                    ": no surface is seen from outside; a room or an open scene needs --box around "
-                    "one object, a faint one --min-opacity");
+                    (shape.inside ? ": no surface is seen from the point of --inside; give one in "
+                                    "the air of the room"
+                                  : ": no surface is seen from outside; a room needs --inside, an "
+                                    "open scene --box around one object, a faint one "
+                                    "--min-opacity"));
   }
   return made;
 }

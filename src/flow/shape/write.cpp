@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "meshing/fit.h"
+#include "meshing/unfold.h"
 #include "unwrap/unwrap.h"
 
 namespace pounce::flow {
@@ -34,6 +35,7 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
   } else {
     meshing::simplify(surface, shape.triangles);
   }
+  meshing::unfold(surface);
   const unwrap::Unwrapped flat =
       unwrap::unwrap(surface.positions, surface.triangles, {shape.size, shape.gutter}, poll);
   if (!flat.fits) {

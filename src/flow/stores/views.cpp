@@ -155,6 +155,7 @@ class SceneDrawing {
     Row tiles(grid_.tiles_across());
     views::Slab slab(ellipses);
     const auto canvas = std::make_unique<views::Canvas>();
+    if (grid_.begins_within()) canvas->begin_at(grid_.begin(view));
     std::vector<SplatIndexPart> indices;
     for (std::uint32_t x = 0; x < tiles.size(); ++x) {
       job_.meter.throw_if_cancelled();

@@ -68,6 +68,7 @@ const std::map<std::string, std::string> kValues{
     {"count", "12"},
     {"detail", "0.25%"},
     {"close", "true"},
+    {"inside", "0.5,-1.25,3"},
     {"allow-external", "true"},
     {"allow-format", "bmp,tga"},
     {"look", "around"},
