@@ -14,8 +14,6 @@ namespace pounce::meshing {
 namespace {
 
 constexpr int kRounds = 10;
-/// Cosine: what faces farther away from what is around it is a fold.
-constexpr double kFolded = 0.2;
 
 Vec3d area_vector(const std::vector<Vec3f>& positions, const Triangle& t) {
   const Vec3d a(positions[t[0]]), b(positions[t[1]]), c(positions[t[2]]);
@@ -41,7 +39,7 @@ struct Fans {
 
 class Folds {
  public:
-  explicit Folds(Surface& surface) : surface_(surface), fans_(surface) {}
+  Folds(Surface& surface, double least) : surface_(surface), folded_(least), fans_(surface) {}
 
   /// Were there any that could be helped?
   bool round() {
@@ -79,7 +77,7 @@ class Folds {
   }
   bool help(std::uint32_t vertex) {
     double least = worst(vertex);
-    if (least >= kFolded) return false;
+    if (least >= folded_) return false;
     Vec3d sum, facing;
     double weights = 0;
     std::size_t ends = 0, begins = 0;  // sums that differ where the fan is open
@@ -112,14 +110,15 @@ class Folds {
   }
 
   Surface& surface_;
+  const double folded_;
   const Fans fans_;
   std::vector<Vec3d> around_;  ///< by triangle
 };
 
 }  // namespace
 
-void unfold(Surface& surface) {
-  Folds folds(surface);
+void unfold(Surface& surface, double least) {
+  Folds folds(surface, least);
   for (int round = 0; round < kRounds && folds.round(); ++round) {
   }
 }

@@ -5,8 +5,8 @@
 
 namespace pounce::meshing {
 
-/// Moves vertices along the surface where simplifying has left folds: triangles that face away from
-/// what is around them. Vertices on a border stay.
-void unfold(Surface& surface);
+/// Moves vertices along the surface where simplifying has left folds: triangles whose facing and
+/// that of what is around them have a cosine below `least`. Vertices on a border stay.
+void unfold(Surface& surface, double least);
 
 }  // namespace pounce::meshing

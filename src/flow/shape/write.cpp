@@ -11,6 +11,8 @@ namespace pounce::flow {
 namespace {
 
 constexpr int kFitting = 4;  // rounds
+/// Cosine: what is a fold in a capture's surface.
+constexpr double kOnItsFace = 0.2;
 
 double length_of(const Length& asked, const meshing::Surface& surface) {
   const Box3f box = meshing::box_of(surface);
@@ -35,7 +37,7 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
   } else {
     meshing::simplify(surface, shape.triangles);
   }
-  meshing::unfold(surface);
+  if (!made.is_exact) meshing::unfold(surface, kOnItsFace);
   const unwrap::Unwrapped flat =
       unwrap::unwrap(surface.positions, surface.triangles, {shape.size, shape.gutter}, poll);
   if (!flat.fits) {

@@ -39,7 +39,7 @@ std::ptrdiff_t facing_down(const Surface& surface) {
 TEST_CASE("what is not folded stays as it is") {
   const Surface before = sheet(0.1F);
   Surface after = before;
-  unfold(after);
+  unfold(after, 0.2);
   CHECK(after.positions == before.positions);
 }
 
@@ -49,7 +49,7 @@ TEST_CASE("vertices that were drawn over their neighbours go back between them")
   surface.positions[2 * kEdge + 6] = {6, 0.7F, 0};
   const Surface folded = surface;
   REQUIRE(facing_down(surface) == 4);
-  unfold(surface);
+  unfold(surface, 0.2);
   CHECK(facing_down(surface) == 0);
   for (std::size_t v = 0; v < surface.positions.size(); ++v) {
     const Vec3f p = surface.positions[v];
@@ -63,7 +63,7 @@ TEST_CASE("a vertex on a border stays though triangles are folded there") {
   Surface surface = sheet(0);
   surface.positions[4] = {4, 1.5F, 0};  // of the lowest row, over the next one
   const Vec3f before = surface.positions[4];
-  unfold(surface);
+  unfold(surface, 0.2);
   CHECK(surface.positions[4] == before);
 }
 
