@@ -131,7 +131,8 @@ void make_textured(job::JobContext& job, const TexturedMeshOptions& options, boo
   const std::string& name = options.transfer.output;
   planning::check_outputs({name});
   NamelessFile file(job.scratch_folder);
-  make_mesh(job, options.transfer, is_scene, options.shape, kAfterMesh,
+  const TransferOptions transfer = onto(file.path(), options, is_scene);
+  make_mesh(job, transfer, is_scene, options.shape, kAfterMesh,
             [&](const io::PlainMesh& mesh) {
               const std::uint64_t bytes = io::write_glb(file.stream(), name, mesh);
               file.flush();
@@ -140,7 +141,7 @@ void make_textured(job::JobContext& job, const TexturedMeshOptions& options, boo
   const job::LeastMemory least{job.report.least_memory_bytes, job.report.least_memory_for};
   job.meter.restart();
   try {
-    transfer_in(job, onto(file.path(), options, is_scene));
+    transfer_in(job, transfer);
   } catch (const Error& e) {
     rename(job.report, file.path(), name);
     throw Error(e.kind(), renamed(e.what(), file.path(), name), e.is_passing());

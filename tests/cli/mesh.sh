@@ -72,7 +72,7 @@ refused '<X>' mesh s.ply -o 'n<X>.glb'
 # What cannot be made leaves nothing.
 printf 'v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n' >line.obj
 expect 3 mesh line.obj -o n.glb
-err_has 'has no triangle with an area'
+err_has 'degenerate'
 printf 'v 0 0 0\nv 1e20 0 0\nv 0 1e20 0\nf 1 2 3\n' >vast.obj
 expect 3 mesh vast.obj -o n.glb
 err_has 'scale it'
@@ -82,5 +82,10 @@ refused '--filter applies only to meshes' mesh s.ply -o n.glb --filter tent
 expect 2 mesh h/head_src.glb -o h/head_src.glb
 expect 4 mesh s.ply -o n.glb --memory 1MiB
 expect 5 mesh missing.glb -o n.glb
+# A texture that is not there is said before the mesh is made for it.
+quad bare absent.png
+expect 5 mesh bare.obj -o n.glb -v
+err_has 'absent.png'
+err_lacks 'mesh:'
 [[ ! -e n.glb ]] || fail 'a file of a job that failed'
 [[ -z $(find . -name '.*' -type f) ]] || fail 'a hidden file is left'

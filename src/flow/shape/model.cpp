@@ -8,11 +8,13 @@
 #include <tuple>
 #include <vector>
 
+#include "flow/write/model.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "planning/describe_job.h"
 #include "planning/load_mesh.h"
 #include "planning/name_patterns.h"
+#include "planning/plan.h"
 
 namespace pounce::flow {
 namespace {
@@ -67,6 +69,10 @@ SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& opti
         ErrorKind::input,
         fmt::format("{}: spans {:g} units, of which no mesh can be made; scale it", path, longest));
   }
+  // What the transfer would refuse of the textures is refused before the mesh is made for it.
+  TransferOptions images = options;
+  images.output = model_image_pattern(options.output);
+  planning::plan_mesh(images, mesh, planning::TexelsAs::surface, true);
   const std::uint64_t count = mesh.triangles.size();
   const std::uint64_t left = shape.detail ? count : std::min<std::uint64_t>(count, shape.triangles);
   const std::uint64_t room = std::max(fitting_bytes(count), unfolding_bytes(left));
@@ -80,15 +86,6 @@ SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& opti
   made.surface = welded(mesh);
   made.origin = placed.origin;
   made.is_exact = true;
-  double area = 0;
-  for (const meshing::Triangle& t : made.surface.triangles) {
-    const Vec3d a(made.surface.positions[t[0]]);
-    area += length(
-        cross(Vec3d(made.surface.positions[t[1]]) - a, Vec3d(made.surface.positions[t[2]]) - a));
-  }
-  if (!(area > 0))
-    throw Error(ErrorKind::input,
-                path + ": has no triangle with an area; nothing can be made of it");
   job.meter.end();
   return made;
 }
