@@ -132,12 +132,11 @@ void make_textured(job::JobContext& job, const TexturedMeshOptions& options, boo
   planning::check_outputs({name});
   NamelessFile file(job.scratch_folder);
   const TransferOptions transfer = onto(file.path(), options, is_scene);
-  make_mesh(job, transfer, is_scene, options.shape, kAfterMesh,
-            [&](const io::PlainMesh& mesh) {
-              const std::uint64_t bytes = io::write_glb(file.stream(), name, mesh);
-              file.flush();
-              return bytes;
-            });
+  make_mesh(job, transfer, is_scene, options.shape, kAfterMesh, [&](const io::PlainMesh& mesh) {
+    const std::uint64_t bytes = io::write_glb(file.stream(), name, mesh);
+    file.flush();
+    return bytes;
+  });
   const job::LeastMemory least{job.report.least_memory_bytes, job.report.least_memory_for};
   job.meter.restart();
   try {
