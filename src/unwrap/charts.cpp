@@ -12,7 +12,6 @@
 #include <array>
 #include <cmath>
 #include <deque>
-#include <limits>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -22,7 +21,9 @@
 
 #include "core/directions.h"
 #include "unwrap/flatten.h"
+#include "unwrap/halve.h"
 #include "unwrap/neighbours.h"
+#include "unwrap/outline.h"
 
 namespace pounce::unwrap {
 namespace {
@@ -37,6 +38,9 @@ constexpr double kTiny = 1.0 / 500, kTinyJoined = 0.2;
 /// triangles each is a part of the shape, and no roughness.
 constexpr int kSmoothing = 4;
 constexpr double kSmoothingPerSide = 1.0 / 40;  ///< of the root of their number
+
+/// What a cut costs, of its length times the root of the area of all.
+constexpr double kCutCost = 0.005;
 
 /// No more than this share of a chart's area may be stretched by more than that.
 constexpr double kStretched = 0.1, kStretch = 1.6;
@@ -87,27 +91,19 @@ class Charts::Cutter {
   }
 
   std::vector<Chart> cut_unwieldy(std::vector<Chart> charts, const Unwieldy& limit) {
-    // Small ones find room anyway.
-    constexpr double kSmall = 1.0 / 300, kCompact = 0.8;
     double total = 0;
     for (const Chart& chart : charts) total += area_of(chart);
     std::vector<Chart> kept;
     while (!charts.empty()) {
       std::vector<Chart> cut_now;
       for (Chart& chart : charts) {
-        const double area = area_of(chart);
-        const bool is_small = chart.triangles.size() == 1 || area <= kSmall * total;
-        const double fill = is_small ? 1 : share_of_box(chart);
-        const bool is_unwieldy =
-            fill < limit.fill || (area > limit.area * total && fill < kCompact);
-        if (!is_unwieldy) {
-          kept.push_back(std::move(chart));
-          continue;
+        poll_();
+        auto [first, second] = cut(chart, limit, total);
+        const bool is_whole = first.empty() || second.empty();
+        if (is_whole) kept.push_back(std::move(chart));
+        for (auto* part : {&first, &second}) {
+          if (!is_whole) flatten(std::move(*part), cut_now);
         }
-        const auto [one, other] = ends(chart.triangles);
-        auto [first, second] = cut(chart.triangles, one, other);
-        flatten(std::move(first), cut_now);
-        flatten(std::move(second), cut_now);
       }
       charts = std::move(cut_now);
     }
@@ -441,10 +437,32 @@ class Charts::Cutter {
         reached.push_back(next);
       });
     }
+    return parts_by_side(members, {members[one], members[other]});
+  }
+
+  /// Across an unwieldy chart; nothing, if it is none or no cut helps.
+  std::pair<std::vector<std::uint32_t>, std::vector<std::uint32_t>> cut(const Chart& chart,
+                                                                        const Unwieldy& limit,
+                                                                        double total) {
+    if (chart.triangles.size() == 1) return {};
+    const Outline outline = outline_of(chart);
+    const double long_side = outline.box(outline.best_turn()).width();
+    const bool is_long = long_side > limit.length * std::sqrt(total);
+    if (!is_long && hull_area(outline) - area_of(chart) <= limit.waste * total) return {};
+    const std::vector<char> sides = halves(chart, outline, kCutCost * std::sqrt(total), !is_long);
+    if (sides.empty()) return {};
+    side_.resize(triangles_.size());
+    for (std::size_t i = 0; i < sides.size(); ++i)
+      side_[chart.triangles[i]] = sides[i] == 0 ? 1 : 2;
+    return parts_by_side(chart.triangles, {kNone, kNone});
+  }
+
+  std::pair<std::vector<std::uint32_t>, std::vector<std::uint32_t>> parts_by_side(
+      const std::vector<std::uint32_t>& members, std::array<std::uint32_t, 2> stay) {
     constexpr int kRounds = 4;
     for (int round = 0; round < kRounds; ++round) {
       for (const std::uint32_t t : members) {
-        if (t == members[one] || t == members[other]) continue;
+        if (t == stay[0] || t == stay[1]) continue;
         const std::uint32_t best = most_around(t, side_);
         if (best == 1 || best == 2) side_[t] = best;
       }
@@ -469,15 +487,6 @@ class Charts::Cutter {
   std::vector<std::uint32_t> numbers_;  ///< of them among these
   std::vector<std::vector<std::uint32_t>> charts_;
 };
-
-double area_of(const Chart& chart) {
-  double twice = 0;
-  for (std::size_t i = 0; i < chart.corners.size(); i += 3) {
-    const Vec2d a = chart.corners[i], b = chart.corners[i + 1], c = chart.corners[i + 2];
-    twice += std::abs((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x));
-  }
-  return twice / 2;
-}
 
 Charts::Charts(std::span<const Vec3f> positions, std::span<const Triangle> triangles,
                const std::function<void()>& poll)

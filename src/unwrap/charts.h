@@ -23,11 +23,10 @@ struct Chart {
   std::vector<std::uint32_t> points;
 };
 
-/// Which charts are in the way of packing: those that fill less than this share of the smallest box
-/// around them, and of those with more than this share of the area of all any that fill it not
-/// well.
+/// Which charts are in the way of packing: those in whose hull more than this share of the area of
+/// all is empty, and those longer than so many roots of it.
 struct Unwieldy {
-  double area = 1, fill = 0;
+  double waste = 1, length = 1;
 };
 
 /// Cuts a mesh into charts.
@@ -41,7 +40,7 @@ class Charts {
   Charts& operator=(const Charts&) = delete;
   /// Every triangle is in one.
   std::vector<Chart> make();
-  /// The same charts, but those that are unwieldy in two or more.
+  /// The same charts, but those that are unwieldy in two or more, if that helps.
   std::vector<Chart> cut(std::vector<Chart> charts, const Unwieldy& limit);
 
  private:
@@ -49,8 +48,6 @@ class Charts {
   std::unique_ptr<Cutter> cutter_;
 };
 
-/// What a chart fills of the smallest box around it, of those at some angles.
-double share_of_box(const Chart& chart);
 /// Of its triangles in the plane, which is that in space.
 double area_of(const Chart& chart);
 
@@ -70,13 +67,16 @@ struct Placement {
   }
 };
 struct Packing {
-  double scale = 1;  ///< texels per unit of space
+  double scale = 0;  ///< texels per unit of space
+  double rough = 0;  ///< what that was before most of the tries
   std::vector<Placement> charts;
 };
 
 /// Places all charts in a square of options.size texels, as large as it finds room for. None, where
-/// they would have to be smaller than a hundredth of that, since there are too many for the gutter.
-Packing pack(std::span<const Chart> charts, const Options& options,
+/// they would have to be smaller than a hundredth of that, since there are too many for the gutter,
+/// or if their rough scale does not come out larger than `than`, which may be 0. Where they do not
+/// come near to the fill that is `wanted` it does not try for long.
+Packing pack(std::span<const Chart> charts, const Options& options, double wanted, double than,
              const std::function<void()>& poll);
 
 }  // namespace pounce::unwrap

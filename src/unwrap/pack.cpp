@@ -1,88 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Charts are placed one after the other, the largest first, each in the lowest place that is free,
+// Charts are placed one after the other, large ones first, each in the lowest place that is free,
 // in the best of some turns. What is free is known row by row, as runs of cells, so that small
-// charts go into the hollows of large ones and into their holes; where a row has no run that is
-// long enough, a look at its longest one says so. How large all of them may be is found by trying.
+// charts go into the hollows of large ones and into their holes. Many heights are ruled out at
+// once, by what several rows of a chart have in common; where a row has no run that is long enough,
+// a look at its longest one says so.
+//
+// How large all of them may be is found by trying: in several orders, and by several rules of what
+// is low, since none is the best for all meshes.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
+#include <functional>
 #include <numeric>
+#include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "unwrap/charts.h"
+#include "unwrap/mask.h"
 
 namespace pounce::unwrap {
 namespace {
-
-struct Turn {
-  double cosine = 1, sine = 0;
-  Vec2d of(Vec2d p) const { return {cosine * p.x - sine * p.y, sine * p.x + cosine * p.y}; }
-  Turn quarter(int times) const {
-    Turn turn = *this;
-    for (; times > 0; --times) turn = {-turn.sine, turn.cosine};
-    return turn;
-  }
-};
-
-struct Box {
-  Vec2d low{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
-  Vec2d high{-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-  void extend(Vec2d p) {
-    low = {std::min(low.x, p.x), std::min(low.y, p.y)};
-    high = {std::max(high.x, p.x), std::max(high.y, p.y)};
-  }
-  double width() const { return high.x - low.x; }
-  double height() const { return high.y - low.y; }
-};
-
-Box box_of(const Chart& chart, const Turn& turn) {
-  Box box;
-  for (const Vec2d p : chart.corners) box.extend(turn.of(p));
-  return box;
-}
-
-/// The turn, by less than a quarter, in which the chart's box is smallest, and lies.
-Turn best_turn(const Chart& chart) {
-  constexpr int kTurns = 24;
-  Turn best;
-  double least = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < kTurns; ++k) {
-    // Tangents of half angles, so that no function of the library decides.
-    const double t = 0.41421356237309505 * k / kTurns;
-    const Turn turn{(1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)};
-    for (const Turn& own : {turn, Turn{turn.sine, turn.cosine}}) {  // up to 45 degrees, and beyond
-      const Box box = box_of(chart, own);
-      const double area = box.width() * box.height();
-      if (!(area < least)) continue;
-      least = area;
-      best = box.width() >= box.height() ? own : own.quarter(1);
-    }
-  }
-  return best;
-}
-
-/// A row of cells, a bit each.
-using Bits = std::vector<std::uint64_t>;
-
-/// Bits [first, last) are set.
-void set_bits(Bits& bits, std::size_t first, std::size_t last) {
-  for (std::size_t word = first / 64; word * 64 < last; ++word) {
-    const std::size_t from = std::max(first, word * 64) - word * 64,
-                      to = std::min(last, word * 64 + 64) - word * 64;
-    bits[word] |= (to == 64 ? ~0ULL : (1ULL << to) - 1) & ~((1ULL << from) - 1);
-  }
-}
-
-/// Cells [first, last) of a row.
-struct Run {
-  std::uint32_t first, last;
-  std::uint32_t length() const { return last - first; }
-};
 
 /// What is free of a row, from left to right.
 class FreeRow {
@@ -135,246 +77,274 @@ class FreeRow {
   std::uint32_t longest_;
 };
 
-/// Which cells a chart covers in one of its turns, gutter and all: runs of each row.
-struct Mask {
-  std::vector<std::vector<Run>> rows;
-  std::vector<std::uint32_t> hardest;  ///< rows, those first that find room most seldom
-  std::size_t width = 0;
-  double middle = 0;  ///< of its cells, from its first row
-  Vec2d origin;       ///< of its turned corners, in texels: where the first cell begins
-};
-
-/// Cosine and sine of 0, 30 and 60 degrees.
-constexpr std::array<std::array<double, 2>, 3> kSlants{
-    {{1, 0}, {0.8660254037844386, 0.5}, {0.5, 0.8660254037844386}}};
-constexpr std::size_t kFew = 400;
-constexpr double kMostCells = 1024;
+constexpr std::size_t kTurns = 24, kQuarter = kTurns / 4;
+/// Cosines and sines of the first quarter of these.
+constexpr std::array<std::array<double, 2>, kQuarter> kSlants{
+    {{1, 0},
+     {0.9659258262890683, 0.25881904510252074},
+     {0.8660254037844386, 0.5},
+     {0.7071067811865476, 0.7071067811865476},
+     {0.5, 0.8660254037844386},
+     {0.25881904510252074, 0.9659258262890683}}};
+/// So many charts, the largest ones, may be tried in all of them, the others in quarters.
+constexpr std::size_t kSlanted = 400;
+constexpr std::size_t kCells = 4096;  ///< along the image
 
 struct Shape {
-  const Chart* chart = nullptr;
-  std::vector<Turn> turns;
-  double length = 0, size = 0;  ///< of its box: the longer side, and both
+  Outline outline;
+  std::array<Turn, kTurns> turns;
+  bool is_slanted = false;
+  double area = 0;
+  Box box;  ///< lying
 };
+
+/// Of two places the lower one is where the chart's middle is lower; by `lean`, more of its end or,
+/// below 0, of its beginning.
+struct Rule {
+  std::size_t order = 0;
+  double lean = 0;
+  std::size_t turns = 2;  ///< one in so many is tried
+};
+
+constexpr std::array<double, 3> kLeans{0, 0.5, -0.5};
+/// Steps of the scale: down until all have room, and up at last.
+constexpr double kDown = 0.98, kFinest = 1.003;
+constexpr double kReach = 0.025;                   ///< what tries may add to the fill
+constexpr std::size_t kPlaced = 4000, kTries = 6;  ///< charts that are placed by these; the fewest
 
 class Packer {
  public:
   Packer(std::span<const Chart> charts, const Options& options, const std::function<void()>& poll)
-      : charts_(charts),
-        poll_(poll),
+      : poll_(poll),
         size_(options.size),
-        step_(std::max(1.0, options.size / kMostCells)),
-        cells_(static_cast<std::size_t>(options.size / step_)),
-        half_(options.gutter / 2.0) {
+        cells_{static_cast<double>(options.size) / kCells, kCells, options.gutter / 2.0} {
     for (const Chart& chart : charts) {
-      Shape shape;
-      shape.chart = &chart;
-      const Turn turn = best_turn(chart);
-      // Few charts leave large gaps, and are worth more trying.
-      for (std::size_t k = 0; k < (charts.size() <= kFew ? kSlants.size() : 1); ++k) {
-        const auto [cosine, sine] = kSlants[k];
-        const Vec2d slanted = turn.of({cosine, sine});
-        for (int quarter = 0; quarter < 4; ++quarter)
-          shape.turns.push_back(Turn{slanted.x, slanted.y}.quarter(quarter));
+      poll_();
+      Shape& shape = shapes_.emplace_back();
+      shape.outline = outline_of(chart);
+      const Turn turn = shape.outline.best_turn();
+      for (std::size_t k = 0; k < kTurns; ++k) {
+        const Vec2d slanted = turn.of({kSlants[k % kQuarter][0], kSlants[k % kQuarter][1]});
+        shape.turns[k] = Turn{slanted.x, slanted.y}.quarter(static_cast<int>(k / kQuarter));
       }
-      const Box box = box_of(chart, turn);
-      shape.length = box.width();
-      shape.size = box.width() + box.height();
-      shapes_.push_back(shape);
+      shape.area = area_of(chart);
+      shape.box = shape.outline.box(turn);
+      area_ += shape.area;
+      around_ += shape.outline.length();
+      longest_ = std::max(longest_, shape.box.width());
     }
-    order_.resize(charts.size());
-    std::iota(order_.begin(), order_.end(), std::size_t{0});
-    std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
-      return shapes_[a].size > shapes_[b].size;
-    });
+    sort_by([](const Shape& shape) { return shape.box.width() * shape.box.height(); });
+    sort_by([](const Shape& shape) { return shape.area; });
+    sort_by([](const Shape& shape) { return shape.box.width() + shape.box.height(); });
+    for (std::size_t i = 0; i < std::min(kSlanted, orders_[0].size()); ++i)
+      shapes_[orders_[0][i]].is_slanted = true;
   }
 
-  Packing best() {
-    double area = 0;
-    for (const Chart& chart : charts_) area += area_of(chart);
+  Packing best(double wanted, double than) {
     Packing packing;
-    packing.charts.resize(charts_.size());
-    if (!(area > 0)) return packing;
-    // From what would fill nine tenths down until it fits; then up again in small steps, where a
-    // chart that finds no room goes sooner the next time and all are tried again a few times.
-    constexpr double kFirst = 0.95, kDown = 0.95, kUp = 1.008;
-    double longest = 0;
-    for (const Shape& shape : shapes_) longest = std::max(longest, shape.length);
-    const double room = (size_ - 2 * half_) * 0.998;  // cells are whole
-    double scale = std::min(kFirst * size_ / std::sqrt(area), room / longest);
-    if (!(scale > 0)) return {};
-    const double least = scale / 100;
-    while (place_all(scale, packing.charts) < order_.size()) {
-      scale *= kDown;
-      if (scale < least) return {};
+    packing.charts.resize(shapes_.size());
+    if (!(area_ > 0)) return packing;
+    if (!(than > 0 ? begin_larger(than, packing) : begin(packing))) return {};
+    constexpr std::array<double, 2> kUp{1.01, 1.005};
+    for (const double up : kUp) {
+      if (fill_of(packing) >= wanted - 2 * kReach) go_up({}, up, packing);
     }
-    packing.scale = scale;
-    const int tries = charts_.size() <= kFew ? 12 : 2;
-    std::vector<Placement> placed;
-    for (int trial = 0; trial < tries; ++trial) {
-      const std::size_t failed = place_all(packing.scale * kUp, placed);
-      if (failed == order_.size()) {
-        packing = {packing.scale * kUp, placed};
-        trial = -1;
-        continue;
+    packing.rough = packing.scale;
+    if (fill_of(packing) < wanted - kReach) return packing;
+    // The more charts the longer a try takes, and the less it changes.
+    const std::size_t tries = std::clamp(kPlaced / shapes_.size(), kTries, 6 * kTries);
+    for (std::size_t trial = 0; trial < tries; ++trial) {
+      const std::size_t leans = trial / orders_.size(), turns = leans / kLeans.size();
+      const Rule rule{trial % orders_.size(), kLeans[leans % kLeans.size()],
+                      turns % 2 == 0 ? 1 : kQuarter};
+      while (go_up(rule, kFinest, packing)) {
       }
-      std::rotate(order_.begin() + static_cast<std::ptrdiff_t>(failed / 2),
-                  order_.begin() + static_cast<std::ptrdiff_t>(failed),
-                  order_.begin() + static_cast<std::ptrdiff_t>(failed + 1));
     }
     return packing;
   }
 
  private:
-  Mask mask_of(const Shape& shape, std::size_t turn, double scale) const {
-    const Turn& own = shape.turns[turn];
-    const Box box = box_of(*shape.chart, own);
-    Mask mask;
-    mask.origin = {box.low.x * scale - half_, box.low.y * scale - half_};
-    const auto cells = [&](double length) {
-      return static_cast<std::size_t>((length * scale + 2 * half_) / step_) + 1;
-    };
-    mask.width = cells(box.width());
-    if (mask.width > cells_ || cells(box.height()) > cells_) {
-      mask.width = cells_ + 1;  // which find() refuses
-      return mask;
-    }
-    std::vector<Bits> rows(cells(box.height()), Bits(mask.width / 64 + 1));
-    const auto cell = [&](double at, double origin, std::size_t count) {
-      return std::min(static_cast<std::size_t>(std::max((at - origin) / step_, 0.0)), count - 1);
-    };
-    const std::vector<Vec2d>& corners = shape.chart->corners;
-    for (std::size_t i = 0; i < corners.size(); i += 3) {
-      std::array<Vec2d, 3> p;
-      for (std::size_t k = 0; k < 3; ++k) p[k] = own.of(corners[i + k]) * scale;
-      const auto [low, high] = std::minmax({p[0].y, p[1].y, p[2].y});
-      const std::size_t last = cell(high + half_, mask.origin.y, rows.size());
-      for (std::size_t y = cell(low - half_, mask.origin.y, rows.size()); y <= last; ++y) {
-        // What of the triangle lies in this row, which is as high as the gutter makes it.
-        const double y0 = mask.origin.y + static_cast<double>(y) * step_ - half_,
-                     y1 = y0 + step_ + 2 * half_;
-        const auto [x0, x1] = span_between(p.data(), y0, y1);
-        if (x0 <= x1)
-          set_bits(rows[y], cell(x0 - half_, mask.origin.x, mask.width),
-                   cell(x1 + half_, mask.origin.x, mask.width) + 1);
-      }
-    }
-    for (const Bits& row : rows) {
-      std::vector<Run>& runs = mask.rows.emplace_back();
-      for (std::uint32_t x = 0; x < mask.width; ++x) {
-        if ((row[x / 64] >> (x % 64) & 1) == 0) continue;
-        if (runs.empty() || runs.back().last != x) runs.push_back({x, x});
-        ++runs.back().last;
-      }
-    }
-    double cells_sum = 0, moment = 0;
-    for (std::size_t row = 0; row < mask.rows.size(); ++row) {
-      for (const Run& run : mask.rows[row]) {
-        cells_sum += run.last - run.first;
-        moment += static_cast<double>(row) * (run.last - run.first);
-      }
-    }
-    mask.middle = moment / cells_sum;
-    mask.hardest.resize(mask.rows.size());
-    std::iota(mask.hardest.begin(), mask.hardest.end(), 0U);
-    const auto longest = [&](std::uint32_t row) {
-      std::uint32_t most = 0;
-      for (const Run& run : mask.rows[row]) most = std::max(most, run.last - run.first);
-      return most;
-    };
-    std::vector<std::uint32_t> lengths;
-    for (const std::uint32_t row : mask.hardest) lengths.push_back(longest(row));
-    std::stable_sort(mask.hardest.begin(), mask.hardest.end(),
-                     [&](std::uint32_t a, std::uint32_t b) { return lengths[a] > lengths[b]; });
-    return mask;
+  template <class F>
+  void sort_by(const F& size) {
+    std::vector<std::size_t>& order = orders_.emplace_back(shapes_.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return size(shapes_[a]) > size(shapes_[b]);
+    });
   }
-
-  /// The lowest place that is free, the leftmost of these; false: there is none below `end`.
-  bool find(const std::vector<FreeRow>& free, const Mask& mask, std::size_t end, std::size_t& at_x,
-            std::size_t& at_y) {
-    if (mask.width > cells_) return false;
-    for (std::size_t y = 0; y + mask.rows.size() <= end; ++y) {
-      places_.assign(1, {0, static_cast<std::uint32_t>(cells_ - mask.width + 1)});
-      for (std::size_t i = 0; i < mask.rows.size() && !places_.empty(); ++i) {
-        const std::size_t row = mask.hardest[i];
-        const FreeRow& own = free[y + row];
-        for (const Run& run : mask.rows[row]) {
-          if (own.longest() < run.length()) {
-            places_.clear();
-            break;
-          }
-          own.keep_places(places_, run, kept_);
-          places_.swap(kept_);
-          if (places_.empty()) break;
-        }
-      }
-      if (places_.empty()) continue;
-      at_x = places_.front().first;
-      at_y = y;
+  double fill_of(const Packing& packing) const {
+    return area_ * packing.scale * packing.scale / (size_ * size_);
+  }
+  /// What fills nearly all of the image, gutters and all: the root of a quadratic equation.
+  double first_scale() const {
+    constexpr double kFull = 0.95, kPi = 3.14159265358979;
+    const double half = cells_.half + cells_.step;
+    const double along = half * around_ / 2,
+                 spare = kFull * size_ * size_ -
+                         kPi * half * half * static_cast<double>(shapes_.size());
+    const double least = 0.01 * size_ / std::sqrt(area_);
+    if (!(spare > 0)) return least;
+    return std::max(least, (std::sqrt(along * along + area_ * spare) - along) / area_);
+  }
+  /// The scale at which the longest box is as long as the image.
+  double most() const {
+    return (size_ - 2 * cells_.half) * 0.998 / longest_;  // cells are whole
+  }
+  /// In steps down until all have room.
+  bool begin(Packing& packing) {
+    double scale = std::min(first_scale(), most());
+    if (!(scale > 0)) return false;
+    const double least = scale / 100;
+    for (; scale >= least; scale *= kDown) {
+      if (!place_all({}, scale, packing.charts)) continue;
+      packing.scale = scale;
       return true;
     }
     return false;
   }
-
-  /// The number in order_ of the first chart that finds no room; order_.size(): all do.
-  std::size_t place_all(double scale, std::vector<Placement>& placed) {
-    placed.assign(charts_.size(), {});
-    std::vector<FreeRow> free(cells_, FreeRow(static_cast<std::uint32_t>(cells_)));
-    for (std::size_t i = 0; i < order_.size(); ++i) {
-      poll_();
-      const std::size_t chart = order_[i];
-      const std::vector<Turn>& turns = shapes_[chart].turns;
-      std::size_t best_turn = turns.size(), best_x = 0, best_y = 0;
-      double best_middle = cells_;
-      Mask mask;
-      for (std::size_t turn = 0; turn < turns.size(); ++turn) {
-        Mask own = mask_of(shapes_[chart], turn, scale);
-        std::size_t x = 0, y = 0;
-        if (!(own.middle < best_middle)) continue;
-        const auto below = static_cast<std::size_t>(best_middle - own.middle) + own.rows.size();
-        if (!find(free, own, std::min(below, cells_), x, y)) continue;
-        if (!(static_cast<double>(y) + own.middle < best_middle)) continue;
-        best_turn = turn;
-        best_x = x;
-        best_y = y;
-        best_middle = static_cast<double>(y) + own.middle;
-        mask = std::move(own);
+  /// In steps up, from a little more than that; false: they have no room even there.
+  bool begin_larger(double than, Packing& packing) {
+    constexpr double kLarger = 1.01;
+    constexpr int kTrials = 3;
+    packing.scale = than * kLarger;
+    if (packing.scale > most()) return false;
+    for (int trial = 0; trial < kTrials; ++trial) {
+      if (!place_all({}, packing.scale, packing.charts)) continue;
+      while (go_up({}, 1 / kDown, packing)) {
       }
-      if (best_turn == turns.size()) return i;
-      for (std::size_t row = 0; row < mask.rows.size(); ++row) {
-        for (const Run& run : mask.rows[row])
-          free[best_y + row].take({static_cast<std::uint32_t>(best_x) + run.first,
-                                   static_cast<std::uint32_t>(best_x) + run.last});
-      }
-      const Turn& turn = turns[best_turn];
-      placed[chart] = {turn.cosine,
-                       turn.sine,
-                       {static_cast<double>(best_x) * step_ - mask.origin.x,
-                        static_cast<double>(best_y) * step_ - mask.origin.y}};
+      return true;
     }
-    return order_.size();
+    return false;
+  }
+  bool go_up(const Rule& rule, double up, Packing& packing) {
+    if (!place_all(rule, packing.scale * up, placed_)) return false;
+    packing.scale *= up;
+    packing.charts.swap(placed_);
+    return true;
   }
 
-  std::span<const Chart> charts_;
+  const Mask& mask(std::size_t chart, std::size_t turn, double scale) {
+    if (scale != masks_scale_) {
+      masks_.clear();
+      masks_.resize(shapes_.size());
+      masks_scale_ = scale;
+    }
+    const Shape& shape = shapes_[chart];
+    if (masks_[chart].empty()) masks_[chart].resize(kTurns);
+    std::optional<Mask>& own = masks_[chart][turn];
+    if (own) return *own;
+    const std::optional<Mask>& other = masks_[chart][(turn + kTurns / 2) % kTurns];
+    own = other ? half_turned(*other, cells_)
+                : mask_of(shape.outline, shape.turns[turn], scale, cells_);
+    return *own;
+  }
+
+  struct Place {
+    std::size_t x = 0, y = 0;
+  };
+  /// The lowest place that is free, the leftmost of these, if there is one that ends by `end`.
+  std::optional<Place> find(const Mask& mask, std::size_t end) {
+    if (mask.levels.empty() || mask.height > end) return std::nullopt;
+    places_.resize(mask.levels.size() + 1);
+    places_[0].assign(1, {0, static_cast<std::uint32_t>(cells_.count - mask.width + 1)});
+    return find(mask, 0, {0, end - mask.height + 1});
+  }
+  struct Heights {
+    std::size_t first, last;
+  };
+  /// At these heights, by windows of this level first and then of the next one.
+  std::optional<Place> find(const Mask& mask, std::size_t level, Heights heights) {
+    const Level& own = mask.levels[level];
+    for (std::size_t y = heights.first; y < heights.last; y += own.rows) {
+      if (!has_room(own, level, y)) continue;
+      if (level + 1 == mask.levels.size()) return Place{places_[level + 1].front().first, y};
+      const auto found = find(mask, level + 1, {y, std::min(y + own.rows, heights.last)});
+      if (found) return found;
+    }
+    return std::nullopt;
+  }
+  /// Leaves of places_[level] those where all windows have room, in places_[level + 1].
+  bool has_room(const Level& level, std::size_t number, std::size_t y) {
+    std::vector<Run>& places = places_[number + 1];
+    places = places_[number];
+    for (const std::uint32_t window : level.order) {
+      // The row that is beside some row of the window at each of the heights.
+      const FreeRow& row = free_[y + level.rows - 1 + level.first + window * level.rows];
+      for (const Run& run : level.windows[window]) {
+        if (row.longest() < run.length()) return false;
+        row.keep_places(places, run, kept_);
+        places.swap(kept_);
+        if (places.empty()) return false;
+      }
+    }
+    return true;
+  }
+
+  /// False: one finds no room. It goes sooner the next time.
+  bool place_all(const Rule& rule, double scale, std::vector<Placement>& placed) {
+    placed.assign(shapes_.size(), {});
+    free_.assign(cells_.count, FreeRow(static_cast<std::uint32_t>(cells_.count)));
+    std::vector<std::size_t>& order = orders_[rule.order];
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      poll_();
+      if (place(order[i], rule, scale, placed[order[i]])) continue;
+      const auto at = order.begin() + static_cast<std::ptrdiff_t>(i);
+      std::rotate(order.begin() + static_cast<std::ptrdiff_t>(i / 2), at, at + 1);
+      return false;
+    }
+    return true;
+  }
+  bool place(std::size_t chart, const Rule& rule, double scale, Placement& placed) {
+    std::optional<std::size_t> best;
+    Place at;
+    double lowest = 2 * static_cast<double>(cells_.count);
+    const auto look = [&](std::size_t turn) {
+      const Mask& own = mask(chart, turn, scale);
+      const double offset = own.middle + rule.lean * (static_cast<double>(own.height) - own.middle);
+      if (!(offset < lowest)) return;
+      const auto below = static_cast<std::size_t>(lowest - offset) + own.height;
+      const std::optional<Place> found = find(own, std::min(below, cells_.count));
+      if (!found || !(static_cast<double>(found->y) + offset < lowest)) return;
+      best = turn;
+      at = *found;
+      lowest = static_cast<double>(found->y) + offset;
+    };
+    const std::size_t step = shapes_[chart].is_slanted ? rule.turns : kQuarter;
+    for (std::size_t turn = 0; turn < kTurns; turn += step) look(turn);
+    if (!best) return false;
+    const Mask& own = mask(chart, *best, scale);
+    for (std::size_t row = 0; row < own.height; ++row) {
+      for (const Run& run : own.rows()[row])
+        free_[at.y + row].take({static_cast<std::uint32_t>(at.x) + run.first,
+                                static_cast<std::uint32_t>(at.x) + run.last});
+    }
+    const Turn& turn = shapes_[chart].turns[*best];
+    placed = {turn.cosine,
+              turn.sine,
+              {static_cast<double>(at.x) * cells_.step - own.origin.x,
+               static_cast<double>(at.y) * cells_.step - own.origin.y}};
+    return true;
+  }
+
   const std::function<void()>& poll_;
-  double size_, step_;
-  std::size_t cells_;
-  double half_;  ///< of the gutter
+  double size_;
+  Cells cells_;
   std::vector<Shape> shapes_;
-  std::vector<std::size_t> order_;
-  std::vector<Run> places_, kept_;  ///< of find()
+  double area_ = 0, around_ = 0, longest_ = 0;  ///< of all together; of the one box
+  std::vector<std::vector<std::size_t>> orders_;
+  double masks_scale_ = 0;
+  std::vector<std::vector<std::optional<Mask>>> masks_;  ///< of each chart in its turns
+  std::vector<Placement> placed_;
+  std::vector<FreeRow> free_;
+  std::vector<std::vector<Run>> places_;  ///< of find(): those that are left, by level
+  std::vector<Run> kept_;
 };
 
 }  // namespace
 
-double share_of_box(const Chart& chart) {
-  const Box box = box_of(chart, best_turn(chart));
-  const double area = box.width() * box.height();
-  return area > 0 ? area_of(chart) / area : 1;
-}
-
-Packing pack(std::span<const Chart> charts, const Options& options,
+Packing pack(std::span<const Chart> charts, const Options& options, double wanted, double than,
              const std::function<void()>& poll) {
-  return Packer(charts, options, poll).best();
+  return Packer(charts, options, poll).best(wanted, than);
 }
 
 }  // namespace pounce::unwrap

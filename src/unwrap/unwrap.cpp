@@ -12,9 +12,13 @@
 namespace pounce::unwrap {
 namespace {
 
-constexpr double kEnough = 0.7;
-/// What is cut where that is not filled, one after the other until it is.
-constexpr std::array<Unwieldy, 2> kUnwieldy{{{1.0 / 12, 0.35}, {1.0 / 24, 0.45}}};
+constexpr double kEnough = 0.76;
+/// What is cut where that is not filled, one after the other until it is, or until so many of these
+/// in sequence were in vain.
+constexpr std::array<Unwieldy, 5> kUnwieldy{
+    {{1.0 / 50, 0.9}, {1.0 / 100, 0.8}, {1.0 / 200, 0.65}, {1.0 / 400, 0.6}, {1.0 / 800, 0.5}}};
+constexpr int kInVain = 3;
+constexpr double kWorth = 0.03;  ///< what twice as many charts must add to the fill
 
 double fill_of(const std::vector<Chart>& charts, const Packing& packing, const Options& options) {
   double area = 0;
@@ -29,16 +33,21 @@ Unwrapped unwrap(std::span<const Vec3f> positions, std::span<const Triangle> tri
                  const Options& options, const std::function<void()>& poll) {
   Charts cutter(positions, triangles, poll);
   std::vector<Chart> charts = cutter.make();
-  Packing packing = pack(charts, options, poll);
+  Packing packing = pack(charts, options, kEnough, 0, poll);
   // As few charts as fill enough of the image.
   std::vector<Chart> smaller = charts;
+  int in_vain = 0;
   for (const Unwieldy& limit : kUnwieldy) {
-    if (packing.charts.size() == charts.size() && fill_of(charts, packing, options) >= kEnough)
-      break;
+    if (in_vain == kInVain || fill_of(charts, packing, options) >= kEnough) break;
     smaller = cutter.cut(std::move(smaller), limit);
     if (smaller.size() == charts.size()) continue;
-    Packing other = pack(smaller, options, poll);
-    if (other.charts.size() < smaller.size() || !(other.scale > packing.scale)) continue;
+    Packing other = pack(smaller, options, kEnough, packing.rough, poll);
+    ++in_vain;
+    const double more =
+        static_cast<double>(smaller.size()) / static_cast<double>(charts.size()) - 1;
+    const double gain = fill_of(smaller, other, options) - fill_of(charts, packing, options);
+    if (!(gain > 0) || gain < kWorth * more) continue;
+    in_vain = 0;
     charts = smaller;
     packing = std::move(other);
   }
