@@ -62,6 +62,7 @@ std::pair<double, double> span_between(const Vec2d* triangle, double y0, double 
 struct Placement {
   double cosine = 1, sine = 0;
   Vec2d at;
+  std::uint32_t tile = 0;
   Vec2d placed(Vec2d p, double scale) const {
     return {(cosine * p.x - sine * p.y) * scale + at.x, (sine * p.x + cosine * p.y) * scale + at.y};
   }

@@ -208,4 +208,11 @@ Mask half_turned(const Mask& mask, const Cells& cells) {
   return turned;
 }
 
+std::uint64_t Mask::bytes() const {
+  std::uint64_t sum = sizeof(Mask);
+  for (const Level& level : levels)
+    sum += sizeof(Level) + level.windows.bytes() + level.order.capacity() * sizeof(std::uint32_t);
+  return sum;
+}
+
 }  // namespace pounce::unwrap

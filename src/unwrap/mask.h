@@ -26,6 +26,9 @@ class Rows {
   std::size_t size() const { return ends_.size() - 1; }
   /// Another row: the bits that are set.
   void append(std::span<const std::uint64_t> bits);
+  std::uint64_t bytes() const {
+    return runs_.capacity() * sizeof(Run) + ends_.capacity() * sizeof(std::uint32_t);
+  }
   /// From the last row to the first, and each from right to left.
   Rows half_turned(std::uint32_t width) const;
 
@@ -49,6 +52,7 @@ struct Mask {
   double middle = 0;                  ///< of its cells, from its first row
   Vec2d origin;  ///< of its turned corners, in texels: where its first cell begins
   const Rows& rows() const { return levels.back().windows; }
+  std::uint64_t bytes() const;
 };
 
 struct Cells {

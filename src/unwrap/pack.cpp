@@ -14,6 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <span>
@@ -117,6 +118,8 @@ class Packer {
   Packer(std::span<const Chart> charts, const Options& options, const std::function<void()>& poll)
       : poll_(poll),
         size_(options.size),
+        tiles_(options.tiles),
+        masks_most_(options.masks_bytes),
         cells_{static_cast<double>(options.size) / kCells, kCells, options.gutter / 2.0} {
     for (const Chart& chart : charts) {
       poll_();
@@ -173,16 +176,16 @@ class Packer {
     });
   }
   double fill_of(const Packing& packing) const {
-    return area_ * packing.scale * packing.scale / (size_ * size_);
+    return area_ * packing.scale * packing.scale / (size_ * size_ * tiles_);
   }
   /// What fills nearly all of the image, gutters and all: the root of a quadratic equation.
   double first_scale() const {
     constexpr double kFull = 0.95, kPi = 3.14159265358979;
     const double half = cells_.half + cells_.step;
     const double along = half * around_ / 2,
-                 spare = kFull * size_ * size_ -
+                 spare = kFull * size_ * size_ * tiles_ -
                          kPi * half * half * static_cast<double>(shapes_.size());
-    const double least = 0.01 * size_ / std::sqrt(area_);
+    const double least = 0.01 * size_ * std::sqrt(tiles_ / area_);
     if (!(spare > 0)) return least;
     return std::max(least, (std::sqrt(along * along + area_ * spare) - along) / area_);
   }
@@ -226,25 +229,32 @@ class Packer {
   const Mask& mask(std::size_t chart, std::size_t turn, double scale) {
     if (scale != masks_scale_) {
       masks_.clear();
+      masks_bytes_ = 0;
       masks_.resize(shapes_.size());
       masks_scale_ = scale;
     }
     const Shape& shape = shapes_[chart];
     if (masks_[chart].empty()) masks_[chart].resize(kTurns);
-    std::optional<Mask>& own = masks_[chart][turn];
+    std::unique_ptr<const Mask>& own = masks_[chart][turn];
     if (own) return *own;
-    const std::optional<Mask>& other = masks_[chart][(turn + kTurns / 2) % kTurns];
-    own = other ? half_turned(*other, cells_)
-                : mask_of(shape.outline, shape.turns[turn], scale, cells_);
+    // Cells of the second half are those of the first, whether these are kept or not.
+    mask_ = turn < kTurns / 2 ? mask_of(shape.outline, shape.turns[turn], scale, cells_)
+                              : half_turned(mask(chart, turn - kTurns / 2, scale), cells_);
+    const std::uint64_t bytes = mask_.bytes();
+    if (masks_bytes_ + bytes > masks_most_) return mask_;
+    masks_bytes_ += bytes;
+    own = std::make_unique<const Mask>(std::move(mask_));
     return *own;
   }
 
   struct Place {
     std::size_t x = 0, y = 0;
   };
-  /// The lowest place that is free, the leftmost of these, if there is one that ends by `end`.
-  std::optional<Place> find(const Mask& mask, std::size_t end) {
+  /// The lowest place that is free, the leftmost of these, if there is one in a tile that ends by
+  /// `end`.
+  std::optional<Place> find(const Mask& mask, std::size_t tile, std::size_t end) {
     if (mask.levels.empty() || mask.height > end) return std::nullopt;
+    first_row_ = tile * cells_.count;
     places_.resize(mask.levels.size() + 1);
     places_[0].assign(1, {0, static_cast<std::uint32_t>(cells_.count - mask.width + 1)});
     return find(mask, 0, {0, end - mask.height + 1});
@@ -269,7 +279,8 @@ class Packer {
     places = places_[number];
     for (const std::uint32_t window : level.order) {
       // The row that is beside some row of the window at each of the heights.
-      const FreeRow& row = free_[y + level.rows - 1 + level.first + window * level.rows];
+      const FreeRow& row =
+          free_[first_row_ + y + level.rows - 1 + level.first + window * level.rows];
       for (const Run& run : level.windows[window]) {
         if (row.longest() < run.length()) return false;
         row.keep_places(places, run, kept_);
@@ -283,7 +294,7 @@ class Packer {
   /// False: one finds no room. It goes sooner the next time.
   bool place_all(const Rule& rule, double scale, std::vector<Placement>& placed) {
     placed.assign(shapes_.size(), {});
-    free_.assign(cells_.count, FreeRow(static_cast<std::uint32_t>(cells_.count)));
+    free_.assign(cells_.count * tiles_, FreeRow(static_cast<std::uint32_t>(cells_.count)));
     std::vector<std::size_t>& order = orders_[rule.order];
     for (std::size_t i = 0; i < order.size(); ++i) {
       poll_();
@@ -295,6 +306,13 @@ class Packer {
     return true;
   }
   bool place(std::size_t chart, const Rule& rule, double scale, Placement& placed) {
+    for (std::uint32_t tile = 0; tile < tiles_; ++tile) {
+      if (place(chart, tile, rule, scale, placed)) return true;
+    }
+    return false;
+  }
+  bool place(std::size_t chart, std::uint32_t tile, const Rule& rule, double scale,
+             Placement& placed) {
     std::optional<std::size_t> best;
     Place at;
     double lowest = 2 * static_cast<double>(cells_.count);
@@ -303,7 +321,7 @@ class Packer {
       const double offset = own.middle + rule.lean * (static_cast<double>(own.height) - own.middle);
       if (!(offset < lowest)) return;
       const auto below = static_cast<std::size_t>(lowest - offset) + own.height;
-      const std::optional<Place> found = find(own, std::min(below, cells_.count));
+      const std::optional<Place> found = find(own, tile, std::min(below, cells_.count));
       if (!found || !(static_cast<double>(found->y) + offset < lowest)) return;
       best = turn;
       at = *found;
@@ -315,27 +333,33 @@ class Packer {
     const Mask& own = mask(chart, *best, scale);
     for (std::size_t row = 0; row < own.height; ++row) {
       for (const Run& run : own.rows()[row])
-        free_[at.y + row].take({static_cast<std::uint32_t>(at.x) + run.first,
-                                static_cast<std::uint32_t>(at.x) + run.last});
+        free_[first_row_ + at.y + row].take({static_cast<std::uint32_t>(at.x) + run.first,
+                                             static_cast<std::uint32_t>(at.x) + run.last});
     }
     const Turn& turn = shapes_[chart].turns[*best];
     placed = {turn.cosine,
               turn.sine,
               {static_cast<double>(at.x) * cells_.step - own.origin.x,
-               static_cast<double>(at.y) * cells_.step - own.origin.y}};
+               static_cast<double>(at.y) * cells_.step - own.origin.y},
+              tile};
     return true;
   }
 
   const std::function<void()>& poll_;
   double size_;
+  const std::uint32_t tiles_;
+  const std::uint64_t masks_most_;
   Cells cells_;
   std::vector<Shape> shapes_;
   double area_ = 0, around_ = 0, longest_ = 0;  ///< of all together; of the one box
   std::vector<std::vector<std::size_t>> orders_;
   double masks_scale_ = 0;
-  std::vector<std::vector<std::optional<Mask>>> masks_;  ///< of each chart in its turns
+  std::vector<std::vector<std::unique_ptr<const Mask>>> masks_;  ///< of each chart in its turns
+  std::uint64_t masks_bytes_ = 0;
+  Mask mask_;  ///< one that is not kept
   std::vector<Placement> placed_;
-  std::vector<FreeRow> free_;
+  std::vector<FreeRow> free_;             ///< tile by tile
+  std::size_t first_row_ = 0;             ///< of the tile where find() looks
   std::vector<std::vector<Run>> places_;  ///< of find(): those that are left, by level
   std::vector<Run> kept_;
 };
