@@ -524,6 +524,9 @@ struct MeshShape {
   bool close = false;
   /// Of scenes that are rooms: what is seen from within, as far as the air around this reaches.
   std::optional<AirPoint> inside = {};
+  /// Of models: the light one has the UVs and materials of the heavy one, which a texture of that
+  /// still fits. `gutter` means nothing then.
+  bool keep_uvs = false;
   std::uint32_t size = 2048;  ///< texels along the image that charts are packed for
   std::uint32_t gutter = 4;   ///< texels between charts: 0..64
 };

@@ -14,6 +14,7 @@
 
 #include "core/nameless_file.h"
 #include "flow/shape/model.h"
+#include "flow/shape/own_uvs.h"
 #include "flow/shape/scene.h"
 #include "flow/shape/write.h"
 #include "flow/transfer.h"
@@ -84,6 +85,19 @@ TransferOptions onto(const std::string& mesh, const TexturedMeshOptions& options
   return transfer;
 }
 
+/// By material: is some texture that the transfer reads a set of UDIM tiles?
+std::vector<bool> tiled_materials(TransferOptions transfer, const mesh::Mesh& mesh) {
+  transfer.output = model_image_pattern(transfer.output);
+  const planning::SourcePlan plan =
+      planning::plan_mesh(transfer, mesh, planning::TexelsAs::surface, true);
+  std::vector<bool> tiled(mesh.materials.size());
+  for (const planning::ChannelPlan& channel : plan.channels) {
+    for (std::size_t m = 0; m < tiled.size(); ++m)
+      tiled[m] = tiled[m] || channel.pages[m].tile_set >= 0;
+  }
+  return tiled;
+}
+
 /// What is wrong whatever the source is.
 void check_textured(const TexturedMeshOptions& options) {
   const TransferOptions& o = options.transfer;
@@ -105,6 +119,7 @@ void check_textured(const TexturedMeshOptions& options, bool is_scene) {
   planning::check_options(transfer);
   if (is_scene) {
     planning::refuse_mesh_options(transfer);
+    options::refuse_unsuitable(options, options::Source::splats);
   } else {
     planning::refuse_splat_options(transfer);
     options::refuse_unsuitable(options, options::Source::mesh);
@@ -131,12 +146,19 @@ void make_textured(job::JobContext& job, const TexturedMeshOptions& options, boo
   const std::string& name = options.transfer.output;
   planning::check_outputs({name});
   NamelessFile file(job.scratch_folder);
-  const TransferOptions transfer = onto(file.path(), options, is_scene);
-  make_mesh(job, transfer, is_scene, options.shape, kAfterMesh, [&](const io::PlainMesh& mesh) {
+  const auto write = [&](const io::PlainMesh& mesh) {
     const std::uint64_t bytes = io::write_glb(file.stream(), name, mesh);
     file.flush();
     return bytes;
-  });
+  };
+  const TransferOptions transfer = onto(file.path(), options, is_scene);
+  if (options.shape.keep_uvs) {
+    write_with_own_uvs(
+        job, transfer, options.shape,
+        [&](const mesh::Mesh& mesh) { return tiled_materials(transfer, mesh); }, kAfterMesh, write);
+  } else {
+    make_mesh(job, transfer, is_scene, options.shape, kAfterMesh, write);
+  }
   const job::LeastMemory least{job.report.least_memory_bytes, job.report.least_memory_for};
   job.meter.restart();
   try {
@@ -172,6 +194,7 @@ Report proxy(const ProxyOptions& options, Progress* progress, Report* so_far) {
       return flow::run_textured({planning::as_transfer(options), options.shape}, false, run,
                                 rebuild);
     }
+    options::refuse_unsuitable(options, options::Source::splats);
     const auto job = job::open_job(options.resources, options.output, nullptr, rebuild, false, run);
     flow::make_proxy(*job, options);
   });

@@ -59,11 +59,22 @@ Rows<Options> shape_rows(Shape shape, const std::string& size_help) {
                     .default_text = "none",
                     .source = Source::splats},
                    member(&MeshShape::inside), air_point()),
+      switch_row<Options>(
+          {.name = "keep-uvs",
+           .group = "UVs",
+           .help =
+               "Keep SOURCE's UVs, seams and materials instead of making new ones: its textures "
+               "and the lighter model's then have one layout",
+           .source = Source::mesh},
+          member(&MeshShape::keep_uvs)),
       row<Options>({.name = "size", .value = "N", .group = "UVs", .help = size_help},
                    member(&MeshShape::size), integer<std::uint32_t>(64, 65536)),
-      row<Options>(
-          {.name = "gutter", .value = "N", .group = "UVs", .help = "Texels between charts"},
-          member(&MeshShape::gutter), integer<std::uint32_t>(0, 64)),
+      row<Options>({.name = "gutter",
+                    .value = "N",
+                    .group = "UVs",
+                    .help = "Texels between charts",
+                    .excludes = "keep-uvs"},
+                   member(&MeshShape::gutter), integer<std::uint32_t>(0, 64)),
   };
 }
 

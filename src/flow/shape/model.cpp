@@ -49,16 +49,14 @@ meshing::Surface welded(const mesh::Mesh& mesh) {
 
 }  // namespace
 
-SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& options,
-                               const MeshShape& shape, double end) {
-  const StageTimer timer(job.clock, "read");
+HeavyModel read_heavy(job::JobContext& job, const TransferOptions& options,
+                      const MeshShape& shape) {
   const std::string& path = options.source;
-  job.meter.begin("read meshes", 1, "meshes", end);
   const io::MeshCost cost = io::mesh_cost(path, {options.allow_external}, job.budget.limit());
   require_early(job, {cost.peak_bytes, "reading " + path}, 0);
-  const planning::PlacedMesh placed =
-      planning::place_mesh(path, options.source_use, "source", options.allow_external);
-  const mesh::Mesh& mesh = placed.mesh;
+  HeavyModel made{
+      planning::place_mesh(path, options.source_use, "source", options.allow_external), {}, {}};
+  const mesh::Mesh& mesh = made.placed.mesh;
   planning::add_input(path, job.report);
   for (const std::string& file : mesh.files) planning::add_input(file, job.report);
   planning::refuse_over_input(options.output, {path});
@@ -75,16 +73,27 @@ SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& opti
   planning::plan_mesh(images, mesh, planning::TexelsAs::surface, true);
   const std::uint64_t count = mesh.triangles.size();
   const std::uint64_t left = shape.detail ? count : std::min<std::uint64_t>(count, shape.triangles);
-  const std::uint64_t room = std::max(fitting_bytes(count), unfolding_bytes(left));
+  const std::uint64_t laying =
+      shape.keep_uvs ? collapsing_bytes(count) + layout_bytes(shape.size) : unfolding_bytes(left);
+  const std::uint64_t room = std::max(fitting_bytes(count), laying);
   const std::uint64_t most = std::max(
       {cost.peak_bytes, mesh.size_bytes() + room,
        kTransferring + job.threads * store::Compressor::context_bytes() + mesh.size_bytes()});
   require_least(job, {most, "making a lighter " + path}, mesh.size_bytes());
-  const runtime::Lease held(job.budget, mesh.size_bytes(), "the mesh of " + path);
-  SourceSurface made;
+  made.held = runtime::Lease(job.budget, mesh.size_bytes(), "the mesh of " + path);
   made.room = runtime::Lease(job.budget, room, "the surface of " + path);
-  made.surface = welded(mesh);
-  made.origin = placed.origin;
+  return made;
+}
+
+SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& options,
+                               const MeshShape& shape, double end) {
+  const StageTimer timer(job.clock, "read");
+  job.meter.begin("read meshes", 1, "meshes", end);
+  HeavyModel heavy = read_heavy(job, options, shape);
+  SourceSurface made;
+  made.room = std::move(heavy.room);
+  made.surface = welded(heavy.placed.mesh);
+  made.origin = heavy.placed.origin;
   made.is_exact = true;
   job.meter.end();
   return made;

@@ -3,13 +3,23 @@
 
 #include "flow/shape/surface.h"
 #include "job/job_context.h"
+#include "planning/load_mesh.h"
 #include "pounce/options.h"
+#include "runtime/memory_budget.h"
 
 namespace pounce::flow {
 
+/// A mesh that a lighter one is made of, and room in the budget for it and for what is made of it.
+struct HeavyModel {
+  planning::PlacedMesh placed;
+  runtime::Lease held, room;
+};
+/// Throws Error(budget) before it is read where that is hopeless, Error(usage) where the output is
+/// one of its files, and what planning its transfer refuses of it.
+HeavyModel read_heavy(job::JobContext& job, const TransferOptions& options, const MeshShape& shape);
+
 /// The surface of a mesh as one: what its file has several times because of seams, hard edges or
-/// materials is one vertex here. Takes the progress to `end`. Throws Error(budget) before it is
-/// read where that is hopeless, Error(usage) where the output is one of its files.
+/// materials is one vertex here. Takes the progress to `end`. Throws what read_heavy() does.
 SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& options,
                                const MeshShape& shape, double end);
 

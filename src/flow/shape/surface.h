@@ -3,8 +3,10 @@
 
 #include <cstdint>
 
+#include "core/bounds.h"
 #include "core/vec.h"
 #include "meshing/surface.h"
+#include "pounce/options.h"
 #include "runtime/memory_budget.h"
 
 namespace pounce::flow {
@@ -23,12 +25,27 @@ struct SourceSurface {
 /// numbers that single precision can tell apart.
 constexpr bool is_usable_size(float longest) { return longest >= 1e-15F && longest <= 1e15F; }
 
+/// What was asked for, in units; of a percentage the box's diagonal is all.
+inline double length_of(const Length& asked, const Box3f& box) {
+  return asked.is_percent ? asked.value / 100 * length(Vec3d(box.hi) - Vec3d(box.lo)) : asked.value;
+}
+
 /// What a surface takes with what its steps need beside it: edges, what simplifying holds, charts.
 constexpr std::uint64_t surface_bytes(std::uint64_t triangles) { return 250 * triangles; }
 /// With the simpler one that is fitted to it, and what its least squares hold.
 constexpr std::uint64_t fitting_bytes(std::uint64_t triangles) { return 600 * triangles; }
+/// The same where it keeps its UVs, with up to three wedges for each.
+constexpr std::uint64_t collapsing_bytes(std::uint64_t triangles) { return 800 * triangles; }
 /// What charts of so many triangles take while they are unfolded: the sparse systems of the
 /// largest.
 constexpr std::uint64_t unfolding_bytes(std::uint64_t triangles) { return 2600 * triangles; }
+/// What the layouts of all materials may be looked at with, together, of textures of this size.
+constexpr std::uint64_t layout_texels(std::uint32_t size) {
+  constexpr std::uint64_t kMost = 16ULL << 20;
+  const std::uint64_t four_textures = std::uint64_t{4} * size * size;
+  return four_textures < kMost ? four_textures : kMost;
+}
+/// The counts of these, and as much again for what changes at once.
+constexpr std::uint64_t layout_bytes(std::uint32_t size) { return 4 * layout_texels(size); }
 
 }  // namespace pounce::flow

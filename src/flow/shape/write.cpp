@@ -14,12 +14,6 @@ constexpr int kFitting = 4;  // rounds
 /// Cosine: what is a fold in a capture's surface.
 constexpr double kOnItsFace = 0.2;
 
-double length_of(const Length& asked, const meshing::Surface& surface) {
-  const Box3f box = meshing::box_of(surface);
-  const double diagonal = length(Vec3d(box.hi) - Vec3d(box.lo));
-  return asked.is_percent ? asked.value / 100 * diagonal : asked.value;
-}
-
 }  // namespace
 
 void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shape, double end,
@@ -30,7 +24,7 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
   const auto poll = [&job] { job.meter.throw_if_cancelled(); };
   if (shape.detail) {
     const meshing::Surface dense = made.is_exact ? surface : meshing::Surface{};
-    meshing::simplify_within(surface, length_of(*shape.detail, surface));
+    meshing::simplify_within(surface, length_of(*shape.detail, meshing::box_of(surface)));
     if (made.is_exact) meshing::fit(surface, dense, kFitting, poll);
   } else if (made.is_exact) {
     meshing::simplify_fitted(surface, shape.triangles, poll);

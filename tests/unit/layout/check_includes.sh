@@ -12,7 +12,7 @@ declare -A may_include=(
   [surface]="core mesh store" [gaussian]="core mesh store" [shading]="core mesh store"
   [grid]="core mesh store surface gaussian" [projection]="core mesh store surface gaussian grid"
   [views]="core mesh store surface gaussian grid projection"
-  [unwrap]="core" [meshing]="core views"
+  [unwrap]="core" [meshing]="core mesh views"
   [sorting]="core runtime mesh store gaussian job" [commands]="core mesh store io" [job]="core runtime store io" [options]="core mesh io"
   [planning]="core mesh store io options surface gaussian shading projection views job"
   [outcome]="core mesh store gaussian projection planning"

@@ -69,6 +69,7 @@ const std::map<std::string, std::string> kValues{
     {"detail", "0.25%"},
     {"close", "true"},
     {"inside", "0.5,-1.25,3"},
+    {"keep-uvs", "true"},
     {"allow-external", "true"},
     {"allow-format", "bmp,tga"},
     {"look", "around"},

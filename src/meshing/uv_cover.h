@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "core/vec.h"
+
+namespace pounce::meshing {
+
+/// How many triangles lie on each texel of a texture, which repeats. A triangle that spans more
+/// than two of its periods tiles: it counts nowhere.
+class UvCover {
+ public:
+  using Uvs = std::array<Vec2f, 3>;
+
+  /// `edge`: texels along each side, above 0.
+  explicit UvCover(std::uint32_t edge) : edge_(edge), counts_(std::size_t{edge} * edge) {}
+
+  void add(const Uvs& uvs);
+  /// Of the texel that the triangle's middle lies on.
+  std::uint32_t at_middle(const Uvs& uvs) const;
+  /// Puts triangles in the place of others. False, and nothing is done, where a texel would then
+  /// have more triangles than before, and more than `most`.
+  bool replace(std::span<const Uvs> old, std::span<const Uvs> fresh, std::uint32_t most);
+  /// Texels that more than one triangle lies on.
+  std::uint64_t shared() const;
+
+ private:
+  template <class Visit>
+  void visit(const Uvs& uvs, const Visit& each) const;
+
+  std::uint32_t edge_;
+  std::vector<std::uint16_t> counts_;
+  std::vector<std::pair<std::uint32_t, int>> changes_;  ///< of replace(): texel and difference
+};
+
+}  // namespace pounce::meshing
