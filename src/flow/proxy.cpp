@@ -85,19 +85,6 @@ TransferOptions onto(const std::string& mesh, const TexturedMeshOptions& options
   return transfer;
 }
 
-/// By material: is some texture that the transfer reads a set of UDIM tiles?
-std::vector<bool> tiled_materials(TransferOptions transfer, const mesh::Mesh& mesh) {
-  transfer.output = model_image_pattern(transfer.output);
-  const planning::SourcePlan plan =
-      planning::plan_mesh(transfer, mesh, planning::TexelsAs::surface, true);
-  std::vector<bool> tiled(mesh.materials.size());
-  for (const planning::ChannelPlan& channel : plan.channels) {
-    for (std::size_t m = 0; m < tiled.size(); ++m)
-      tiled[m] = tiled[m] || channel.pages[m].tile_set >= 0;
-  }
-  return tiled;
-}
-
 /// What is wrong whatever the source is.
 void check_textured(const TexturedMeshOptions& options) {
   const TransferOptions& o = options.transfer;
@@ -153,9 +140,7 @@ void make_textured(job::JobContext& job, const TexturedMeshOptions& options, boo
   };
   const TransferOptions transfer = onto(file.path(), options, is_scene);
   if (options.shape.keep_uvs) {
-    write_with_own_uvs(
-        job, transfer, options.shape,
-        [&](const mesh::Mesh& mesh) { return tiled_materials(transfer, mesh); }, kAfterMesh, write);
+    write_with_own_uvs(job, transfer, options.shape, kAfterMesh, write);
   } else {
     make_mesh(job, transfer, is_scene, options.shape, kAfterMesh, write);
   }

@@ -55,7 +55,7 @@ HeavyModel read_heavy(job::JobContext& job, const TransferOptions& options,
   const io::MeshCost cost = io::mesh_cost(path, {options.allow_external}, job.budget.limit());
   require_early(job, {cost.peak_bytes, "reading " + path}, 0);
   HeavyModel made{
-      planning::place_mesh(path, options.source_use, "source", options.allow_external), {}, {}};
+      planning::place_mesh(path, options.source_use, "source", options.allow_external), {}, {}, {}};
   const mesh::Mesh& mesh = made.placed.mesh;
   planning::add_input(path, job.report);
   for (const std::string& file : mesh.files) planning::add_input(file, job.report);
@@ -70,7 +70,13 @@ HeavyModel read_heavy(job::JobContext& job, const TransferOptions& options,
   // What the transfer would refuse of the textures is refused before the mesh is made for it.
   TransferOptions images = options;
   images.output = model_image_pattern(options.output);
-  planning::plan_mesh(images, mesh, planning::TexelsAs::surface, true);
+  const planning::SourcePlan plan =
+      planning::plan_mesh(images, mesh, planning::TexelsAs::surface, true);
+  made.tiled.resize(mesh.materials.size());
+  for (const planning::ChannelPlan& channel : plan.channels) {
+    for (std::size_t m = 0; m < made.tiled.size(); ++m)
+      made.tiled[m] = made.tiled[m] || channel.pages[m].tile_set >= 0;
+  }
   const std::uint64_t count = mesh.triangles.size();
   const std::uint64_t left = shape.detail ? count : std::min<std::uint64_t>(count, shape.triangles);
   const std::uint64_t laying =

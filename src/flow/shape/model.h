@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <vector>
+
 #include "flow/shape/surface.h"
 #include "job/job_context.h"
 #include "planning/load_mesh.h"
@@ -12,6 +14,7 @@ namespace pounce::flow {
 /// A mesh that a lighter one is made of, and room in the budget for it and for what is made of it.
 struct HeavyModel {
   planning::PlacedMesh placed;
+  std::vector<bool> tiled;  ///< by material: is some texture of it a set of UDIM tiles?
   runtime::Lease held, room;
 };
 /// Throws Error(budget) before it is read where that is hopeless, Error(usage) where the output is

@@ -82,14 +82,14 @@ std::optional<std::uint32_t> tile_of(const std::array<Vec2f, 3>& uvs) {
                                                 static_cast<std::int32_t>(std::floor(v))));
 }
 
-Layout layout_of(const mesh::Mesh& mesh, const MeshUse& use, const TiledMaterials& tiled) {
+Layout layout_of(const mesh::Mesh& mesh, const MeshUse& use, const std::vector<bool>& tiled) {
   Layout layout;
   layout.uvs = uvs_of(mesh, use);
   const bool leaves_first = std::any_of(layout.uvs.begin(), layout.uvs.end(), [](const auto& uvs) {
     return tile_of(uvs) != mesh::kFirstUdim;
   });
   const std::vector<bool> has_tiles =
-      leaves_first ? tiled(mesh) : std::vector<bool>(mesh.materials.size());
+      leaves_first ? tiled : std::vector<bool>(mesh.materials.size());
   std::vector<OwnMaterial> by_triangle;
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const std::uint32_t material = mesh.triangle_material[t];
@@ -143,13 +143,13 @@ std::vector<io::PlainMaterial> order_by_material(meshing::WedgeSurface& surface,
 }  // namespace
 
 void write_with_own_uvs(job::JobContext& job, const TransferOptions& options,
-                        const MeshShape& shape, const TiledMaterials& tiled, double end,
+                        const MeshShape& shape, double end,
                         const std::function<std::uint64_t(const io::PlainMesh&)>& write) {
   std::optional<StageTimer> timer(std::in_place, job.clock, "read");
   job.meter.begin("read meshes", 1, "meshes", kAfterReading * end);
   const HeavyModel heavy = read_heavy(job, options, shape);
   const mesh::Mesh& mesh = heavy.placed.mesh;
-  const Layout layout = layout_of(mesh, options.source_use, tiled);
+  const Layout layout = layout_of(mesh, options.source_use, heavy.tiled);
   meshing::WedgeSurface surface =
       meshing::joined(mesh.positions, mesh.triangles, layout.uvs, layout.numbers);
   job.meter.end();
