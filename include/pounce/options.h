@@ -529,6 +529,9 @@ struct MeshShape {
   bool keep_uvs = false;
   std::uint32_t size = 2048;  ///< texels along the image that charts are packed for
   std::uint32_t gutter = 4;   ///< texels between charts: 0..64
+  /// Charts go into so many UDIM tiles of that size, each a material that is called by its number:
+  /// 1..100.
+  std::uint32_t udims = 1;
 };
 
 /// A mesh with UVs of a scene's surface; of a model a lighter one with its textures.

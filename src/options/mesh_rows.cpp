@@ -75,6 +75,13 @@ Rows<Options> shape_rows(Shape shape, const std::string& size_help) {
                     .help = "Texels between charts",
                     .excludes = "keep-uvs"},
                    member(&MeshShape::gutter), integer<std::uint32_t>(0, 64)),
+      row<Options>({.name = "udims",
+                    .value = "N",
+                    .group = "UVs",
+                    .help = "Lay charts out in N UDIM tiles, each of --size and a material that is "
+                            "called by its number: 1001, 1002",
+                    .excludes = "keep-uvs"},
+                   member(&MeshShape::udims), integer<std::uint32_t>(1, 100)),
   };
 }
 

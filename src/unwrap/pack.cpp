@@ -294,6 +294,7 @@ class Packer {
   /// False: one finds no room. It goes sooner the next time.
   bool place_all(const Rule& rule, double scale, std::vector<Placement>& placed) {
     placed.assign(shapes_.size(), {});
+    used_.assign(tiles_, 0);
     free_.assign(cells_.count * tiles_, FreeRow(static_cast<std::uint32_t>(cells_.count)));
     std::vector<std::size_t>& order = orders_[rule.order];
     for (std::size_t i = 0; i < order.size(); ++i) {
@@ -306,8 +307,15 @@ class Packer {
     return true;
   }
   bool place(std::size_t chart, const Rule& rule, double scale, Placement& placed) {
-    for (std::uint32_t tile = 0; tile < tiles_; ++tile) {
-      if (place(chart, tile, rule, scale, placed)) return true;
+    // The emptiest tile first: it has room more often than others, and all fill alike.
+    tile_order_.resize(tiles_);
+    std::iota(tile_order_.begin(), tile_order_.end(), 0U);
+    std::stable_sort(tile_order_.begin(), tile_order_.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return used_[a] < used_[b]; });
+    for (const std::uint32_t tile : tile_order_) {
+      if (!place(chart, tile, rule, scale, placed)) continue;
+      used_[tile] += shapes_[chart].area;
+      return true;
     }
     return false;
   }
@@ -358,7 +366,9 @@ class Packer {
   std::uint64_t masks_bytes_ = 0;
   Mask mask_;  ///< one that is not kept
   std::vector<Placement> placed_;
-  std::vector<FreeRow> free_;             ///< tile by tile
+  std::vector<FreeRow> free_;  ///< tile by tile
+  std::vector<double> used_;   ///< by tile: area
+  std::vector<std::uint32_t> tile_order_;
   std::size_t first_row_ = 0;             ///< of the tile where find() looks
   std::vector<std::vector<Run>> places_;  ///< of find(): those that are left, by level
   std::vector<Run> kept_;

@@ -3,6 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <string>
+
+#include "mesh/uv_tiles.h"
 #include "meshing/fit.h"
 #include "meshing/unfold.h"
 #include "unwrap/unwrap.h"
@@ -13,6 +16,38 @@ namespace {
 constexpr int kFitting = 4;  // rounds
 /// Cosine: what is a fold in a capture's surface.
 constexpr double kOnItsFace = 0.2;
+
+/// Of the surface's room what packing may use, when charts are unfolded: the mesh itself stays.
+std::uint64_t masks_bytes(const SourceSurface& made) {
+  constexpr std::uint64_t kMesh = 500;  // of a triangle, its chart and its vertices
+  const std::uint64_t room = made.room.bytes(), mesh = kMesh * made.surface.triangles.size();
+  return room > mesh ? room - mesh : 0;
+}
+
+/// Moves UVs into the tiles of their charts, and sorts triangles by these.
+std::vector<io::PlainMaterial> into_tiles(unwrap::Unwrapped& flat, std::uint32_t tiles) {
+  if (tiles == 1) return {{"proxy", flat.triangles.size()}};
+  std::vector<std::vector<unwrap::Triangle>> by_tile(tiles);
+  std::vector<std::uint32_t> of_vertex(flat.uvs.size());
+  for (std::size_t t = 0; t < flat.triangles.size(); ++t) {
+    const std::uint32_t tile = flat.tiles[flat.charts[t]];
+    by_tile[tile].push_back(flat.triangles[t]);
+    for (const std::uint32_t v : flat.triangles[t]) of_vertex[v] = tile;
+  }
+  for (std::size_t v = 0; v < flat.uvs.size(); ++v) {
+    const mesh::UvTile at = mesh::udim_tile(mesh::kFirstUdim + of_vertex[v]);
+    flat.uvs[v].x += static_cast<float>(at.column);
+    flat.uvs[v].y += static_cast<float>(mesh::period_y(at));
+  }
+  std::vector<io::PlainMaterial> materials;
+  flat.triangles.clear();
+  for (std::uint32_t tile = 0; tile < tiles; ++tile) {
+    if (by_tile[tile].empty()) continue;
+    materials.push_back({std::to_string(mesh::kFirstUdim + tile), by_tile[tile].size()});
+    flat.triangles.insert(flat.triangles.end(), by_tile[tile].begin(), by_tile[tile].end());
+  }
+  return materials;
+}
 
 }  // namespace
 
@@ -32,12 +67,13 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
     meshing::simplify(surface, shape.triangles);
   }
   if (!made.is_exact) meshing::unfold(surface, kOnItsFace);
-  const unwrap::Unwrapped flat =
-      unwrap::unwrap(surface.positions, surface.triangles, {shape.size, shape.gutter}, poll);
+  unwrap::Unwrapped flat =
+      unwrap::unwrap(surface.positions, surface.triangles,
+                     {shape.size, shape.gutter, shape.udims, masks_bytes(made)}, poll);
   if (!flat.fits) {
     throw Error(ErrorKind::usage,
                 fmt::format("--size {}: too small for {} charts with {} texels between them; raise "
-                            "--size, or lower --gutter or --triangles",
+                            "--size or --udims, or lower --gutter or --triangles",
                             shape.size, flat.chart_count, shape.gutter));
   }
   const std::vector<Vec3f> normals = meshing::normals_of(surface);
@@ -46,14 +82,12 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
     positions.push_back(surface.positions[v]);
     own_normals.push_back(normals[v]);
   }
-  job.report.bytes_written += write({positions,
-                                     own_normals,
-                                     flat.uvs,
-                                     flat.triangles,
-                                     {{"proxy", flat.triangles.size()}},
-                                     made.origin});
-  job.note(fmt::format("{} triangles in {} charts, which fill {:.0f} % of the image",
-                       flat.triangles.size(), flat.chart_count, 100 * flat.fill));
+  const std::vector<io::PlainMaterial> materials = into_tiles(flat, shape.udims);
+  job.report.bytes_written +=
+      write({positions, own_normals, flat.uvs, flat.triangles, materials, made.origin});
+  job.note(fmt::format("{} triangles in {} charts, which fill {:.0f} % of the {}",
+                       flat.triangles.size(), flat.chart_count, 100 * flat.fill,
+                       shape.udims == 1 ? "image" : fmt::format("{} tiles", materials.size())));
   job.meter.advance(1);
   job.meter.end();
 }

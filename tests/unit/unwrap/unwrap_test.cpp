@@ -92,11 +92,12 @@ void check(const Mesh& mesh, const Options& options, const Unwrapped& flat) {
     CHECK(cross2(own[t][0], own[t][1], own[t][2]) <= 1e-12);
     on_image += std::abs(cross2(own[t][0], own[t][1], own[t][2])) / 2;
   }
-  CHECK(flat.fill == Approx(on_image).epsilon(1e-3));
+  CHECK(flat.fill == Approx(on_image / options.tiles).epsilon(1e-3));
   std::size_t overlaps = 0, close = 0;
   const float gutter = static_cast<float>(options.gutter) / static_cast<float>(options.size);
   for (std::size_t s = 0; s < own.size(); ++s) {
     for (std::size_t t = s + 1; t < own.size(); ++t) {
+      if (flat.tiles[flat.charts[s]] != flat.tiles[flat.charts[t]]) continue;
       overlaps += overlap(own[s].data(), own[t].data()) ? 1 : 0;
       if (flat.charts[s] == flat.charts[t]) continue;
       for (const Vec2f p : own[s]) {
@@ -166,6 +167,32 @@ TEST_CASE("a rough surface does not fall to pieces") {
   CHECK(flat.chart_count < 120);  // 305 by the triangles' own normals
   CHECK(flat.fill > 0.6);
   check(ball, options, flat);
+}
+
+TEST_CASE("charts fill several tiles in one scale, and are cut where they would not fit into one") {
+  const Mesh sheet = grid(24, 24, false, false, [](double r, double c) {
+    return Vec3d{c, 1 - r, 0.02 * std::sin(3 * c)};
+  });
+  const Options one{256, 4}, five{256, 4, 5};
+  CHECK(unwrap(sheet.positions, sheet.triangles, one).chart_count == 1);
+  const Unwrapped flat = unwrap(sheet.positions, sheet.triangles, five);
+  check(sheet, five, flat);
+  CAPTURE(flat.chart_count);
+  CHECK(flat.fill > 0.6);  // in one piece it would fill a fifth
+  REQUIRE(flat.tiles.size() == flat.chart_count);
+  for (std::uint32_t tile = 0; tile < 5; ++tile)
+    CHECK(std::count(flat.tiles.begin(), flat.tiles.end(), tile) > 0);
+  CHECK(*std::max_element(flat.tiles.begin(), flat.tiles.end()) == 4);
+}
+
+TEST_CASE("what packing may keep does not decide where charts go") {
+  const Mesh mesh = cube();
+  Options options{512, 4, 2};
+  const Unwrapped with = unwrap(mesh.positions, mesh.triangles, options);
+  options.masks_bytes = 0;
+  const Unwrapped without = unwrap(mesh.positions, mesh.triangles, options);
+  CHECK(with.tiles == without.tiles);
+  CHECK(with.uvs == without.uvs);
 }
 
 TEST_CASE("two sheets that touch, and a flap that is folded onto itself") {
