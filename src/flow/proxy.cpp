@@ -18,7 +18,6 @@
 #include "flow/shape/scene.h"
 #include "flow/shape/write.h"
 #include "flow/transfer.h"
-#include "flow/write/model.h"
 #include "io/files/output_file.h"
 #include "io/model/model_writer.h"
 #include "job/run_job.h"
@@ -95,7 +94,8 @@ void check_textured(const TexturedMeshOptions& options) {
     usage(o.output + ": a textured mesh is written as .glb or .gltf; name it so");
   if (planning::has_token(o.output, "TARGET"))
     usage(o.output + ": there is no target but the mesh that is made; remove <TARGET>");
-  planning::expand_pattern(model_image_pattern(o.output), {{"MATERIAL", ""}, {"CHANNEL", ""}});
+  planning::expand_pattern(planning::model_image_pattern(o.output),
+                           {{"MATERIAL", ""}, {"CHANNEL", ""}});
   options::check_ranges(options);
   planning::axes_of(o.source_use, "source");
 }

@@ -34,7 +34,8 @@ namespace {
 
 /// What is planned. A model output is planned as its images, a map as the transfer that made it.
 TransferOptions planned_options(TransferOptions options) {
-  if (io::is_model_path(options.output)) options.output = model_image_pattern(options.output);
+  if (io::is_model_path(options.output))
+    options.output = planning::model_image_pattern(options.output);
   if (planning::is_hit_map(options.source))
     return planning::apply_options(planning::read_known_map(options.source, options.trust),
                                    options);

@@ -133,6 +133,17 @@ void refuse_over_input(const std::string& output, const std::vector<std::string>
   }
 }
 
+std::string model_image_pattern(const std::string& output) {
+  for (const char* token : {"UDIM", "UVTILE", "CHANNEL", "MATERIAL"}) {
+    if (!has_token(output, token)) continue;
+    throw Error(ErrorKind::usage, fmt::format("{}: a model contains every material and channel, "
+                                              "and UVs wrap around in its images; remove <{}>",
+                                              output, token));
+  }
+  const std::string base = std::filesystem::path(output).replace_extension().string();
+  return base + ".<MATERIAL>.<CHANNEL>.png";
+}
+
 // --- sets of UDIM tiles --------------------------------------------------------------------------
 //
 // Names of UDIM tiles in both directions: a pattern becomes the name of a tile, and the name of one

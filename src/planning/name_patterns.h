@@ -31,6 +31,10 @@ void check_outputs(const std::vector<std::string>& paths,
 /// Throws Error(usage) where the output is one of these files, under whatever name.
 void refuse_over_input(const std::string& output, const std::vector<std::string>& inputs);
 
+/// What the images of a model output would be called, as a pattern: one per material and channel.
+/// Throws Error(usage) for tokens that a model has no use for.
+std::string model_image_pattern(const std::string& output);
+
 // --- sets of UDIM tiles --------------------------------------------------------------------------
 
 /// Does the path name a set of UDIM tiles: has it <UDIM> or <UVTILE>?

@@ -8,7 +8,6 @@
 #include <tuple>
 #include <vector>
 
-#include "flow/write/model.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "planning/describe_job.h"
@@ -69,7 +68,7 @@ HeavyModel read_heavy(job::JobContext& job, const TransferOptions& options,
   }
   // What the transfer would refuse of the textures is refused before the mesh is made for it.
   TransferOptions images = options;
-  images.output = model_image_pattern(options.output);
+  images.output = planning::model_image_pattern(options.output);
   const planning::SourcePlan plan =
       planning::plan_mesh(images, mesh, planning::TexelsAs::surface, true);
   made.tiled.resize(mesh.materials.size());

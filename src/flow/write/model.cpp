@@ -44,17 +44,6 @@ void make_distinct(std::vector<std::vector<planning::ImageOutput>>& images) {
 
 }  // namespace
 
-std::string model_image_pattern(const std::string& output) {
-  for (const char* token : {"UDIM", "UVTILE", "CHANNEL", "MATERIAL"}) {
-    if (!planning::has_token(output, token)) continue;
-    throw Error(ErrorKind::usage, fmt::format("{}: a model contains every material and channel, "
-                                              "and UVs wrap around in its images; remove <{}>",
-                                              output, token));
-  }
-  const std::string base = std::filesystem::path(output).replace_extension().string();
-  return base + ".<MATERIAL>.<CHANNEL>.png";
-}
-
 ModelOutput::ModelOutput(const std::string& pattern, const planning::SourcePlan& plan,
                          bool allow_external, planning::TargetPlan& target) {
   request_.target = target.path;

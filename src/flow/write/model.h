@@ -11,10 +11,6 @@
 
 namespace pounce::flow {
 
-/// What the images of a model output would be called, as a pattern: one per material and channel.
-/// Throws Error(usage) for tokens that a model has no use for.
-std::string model_image_pattern(const std::string& output);
-
 /// One target that is written as a model: its images go to a scratch file, one after the other, and
 /// from there into the model.
 class ModelOutput {
