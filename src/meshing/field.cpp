@@ -90,13 +90,15 @@ void Field::add(const views::Grid& grid, const DepthView& view, std::uint32_t fi
   }
 }
 
-std::optional<Air> Field::air_around(Vec3f place, float cells) const {
+std::optional<Air> Field::air_around(Vec3f place, float cells,
+                                     const std::function<void()>& poll) const {
   const float least = cells / kTruncation * kSteps;
   const auto is_free = [&](std::uint64_t at) {
     return seen_[at] > 0 && is_outside(at) && value(at) >= least;
   };
   const std::uint32_t nx = lattice_.corners[0], ny = lattice_.corners[1], nz = lattice_.corners[2];
   std::uint64_t start = lattice_.count();
+  Vec3f start_at;
   double nearest = std::numeric_limits<double>::infinity();
   for (std::uint32_t z = 0; z < nz; ++z) {
     for (std::uint32_t y = 0; y < ny; ++y) {
@@ -107,12 +109,13 @@ std::optional<Air> Field::air_around(Vec3f place, float cells) const {
         if (!(dot(away, away) < nearest)) continue;
         nearest = dot(away, away);
         start = at;
+        start_at = lattice_.place(x, y, z);
       }
     }
   }
   if (start == lattice_.count()) return {};
   // Through the lattice to and fro until nothing comes: no list of what is waiting.
-  Air air(lattice_);
+  Air air(lattice_, start_at);
   air.add(start);
   const auto visit = [&](std::uint32_t x, std::uint32_t y, std::uint32_t z) {
     const std::uint64_t at = lattice_.index(x, y, z);
@@ -127,11 +130,13 @@ std::optional<Air> Field::air_around(Vec3f place, float cells) const {
   for (bool any = true; any;) {
     any = false;
     for (std::uint32_t z = 0; z < nz; ++z) {
+      poll();
       for (std::uint32_t y = 0; y < ny; ++y) {
         for (std::uint32_t x = 0; x < nx; ++x) any = visit(x, y, z) || any;
       }
     }
     for (std::uint32_t z = nz; z-- > 0;) {
+      poll();
       for (std::uint32_t y = ny; y-- > 0;) {
         for (std::uint32_t x = nx; x-- > 0;) any = visit(x, y, z) || any;
       }

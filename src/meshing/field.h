@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 
@@ -47,9 +48,12 @@ struct DepthView {
 /// Corners of a lattice that are air: outside of what is solid, and reached from one place.
 class Air {
  public:
-  explicit Air(const Lattice& lattice) : lattice_(lattice), has_(lattice.count()) {}
+  /// From this place on.
+  Air(const Lattice& lattice, Vec3f start)
+      : lattice_(lattice), start_(start), has_(lattice.count()) {}
   static std::uint64_t bytes(const Lattice& lattice) { return round_to_pages(lattice.count()); }
 
+  Vec3f start() const { return start_; }
   /// Is the corner nearest to a place air? Nowhere beyond the lattice.
   bool has(Vec3f place) const;
   bool has(std::uint64_t corner) const { return has_[corner] != 0; }
@@ -57,6 +61,7 @@ class Air {
 
  private:
   Lattice lattice_;
+  Vec3f start_;
   PageVector<std::uint8_t> has_;
 };
 
@@ -75,8 +80,9 @@ class Field {
   void add(const views::Grid& grid, const DepthView& view, std::uint32_t first, std::uint32_t last);
   void clear();  ///< as if no view had been added
   /// What is farther outside than `cells` (below kTruncation) and hangs together with the corner
-  /// nearest to a place that is. Nothing where no corner is.
-  std::optional<Air> air_around(Vec3f place, float cells) const;
+  /// nearest to a place that is. Nothing where no corner is. `poll` is called often and may throw.
+  std::optional<Air> air_around(
+      Vec3f place, float cells, const std::function<void()>& poll = [] {}) const;
   /// All that is not air counts as inside from here on, where some view has seen it.
   void keep_air(const Air& air);
   /// What no view has seen counts as inside from here on: nothing stays open there.

@@ -139,7 +139,8 @@ class Packer {
     sort_by([](const Shape& shape) { return shape.box.width() * shape.box.height(); });
     sort_by([](const Shape& shape) { return shape.area; });
     sort_by([](const Shape& shape) { return shape.box.width() + shape.box.height(); });
-    for (std::size_t i = 0; i < std::min(kSlanted, orders_[0].size()); ++i)
+    const std::size_t slanted = kSlanted / tiles_;  // in vain in most tiles
+    for (std::size_t i = 0; i < std::min(slanted, orders_[0].size()); ++i)
       shapes_[orders_[0][i]].is_slanted = true;
   }
 
@@ -155,7 +156,7 @@ class Packer {
     packing.rough = packing.scale;
     if (fill_of(packing) < wanted - kReach) return packing;
     // The more charts the longer a try takes, and the less it changes.
-    const std::size_t tries = std::clamp(kPlaced / shapes_.size(), kTries, 6 * kTries);
+    const std::size_t tries = std::clamp(kPlaced / (shapes_.size() * tiles_), kTries, 6 * kTries);
     for (std::size_t trial = 0; trial < tries; ++trial) {
       const std::size_t leans = trial / orders_.size(), turns = leans / kLeans.size();
       const Rule rule{trial % orders_.size(), kLeans[leans % kLeans.size()],

@@ -41,6 +41,7 @@ constexpr double kPixel = 2.6e-3;
 /// Of the first look from within: nearer to what is seen than this nobody knows on which side of it
 /// a place is.
 constexpr float kFreeCells = meshing::kTruncation / 2;
+constexpr float kNearAir = 3;        ///< cells
 constexpr double kLeastPart = 0.02;  ///< of the largest part's area
 constexpr int kSmoothing = 3;
 constexpr float kAround = 0.03F;  ///< of the longest side, around all that is looked at
@@ -203,14 +204,19 @@ class SceneShape {
     add_all(nullptr);
     if (shape_.inside) {
       // What a view shows that begins in a wall or in a cupboard is not seen from the room.
-      std::optional<meshing::Air> air = field.air_around(inside, kFreeCells);
-      if (air) {
-        field.clear();
-        add_all(&*air);
-        air.reset();
+      std::optional<meshing::Air> air = air_around(field, inside, kFreeCells);
+      field.clear();
+      add_all(&*air);
+      air.reset();
+      air = air_around(field, inside, 0);
+      field.keep_air(*air);
+      const float away = length(air->start() - inside);
+      if (away > kNearAir * lattice.cell) {
+        job_.warn(
+            fmt::format("{}: the point of --inside is in something solid; air that is {:g} "
+                        "units away was taken for the room's",
+                        request_.path, away));
       }
-      air = field.air_around(inside, 0);
-      if (air) field.keep_air(*air);
     }
     if (shape_.close) field.close();
     const std::uint64_t most = field.most_triangles();
@@ -226,7 +232,27 @@ class SceneShape {
   Vec3f air_point(const Box3f& box) const {
     if (!shape_.inside->at) return (box.lo + box.hi) * 0.5F;
     const auto& [x, y, z] = *shape_.inside->at;
-    return Vec3f(Vec3d{x, y, z} - origin_);
+    const Vec3d at{x, y, z}, lo = Vec3d(box.lo) + origin_, hi = Vec3d(box.hi) + origin_;
+    const bool is_within =
+        x >= lo.x && y >= lo.y && z >= lo.z && x <= hi.x && y <= hi.y && z <= hi.z;
+    if (!is_within) {
+      throw Error(
+          ErrorKind::usage,
+          fmt::format("--inside {:g},{:g},{:g}: outside of {}, which goes from {:g},{:g},{:g} "
+                      "to {:g},{:g},{:g}; give a point in the air of the room",
+                      x, y, z, request_.path, lo.x, lo.y, lo.z, hi.x, hi.y, hi.z));
+    }
+    return Vec3f(at - origin_);
+  }
+  std::optional<meshing::Air> air_around(const meshing::Field& field, Vec3f point,
+                                         float cells) const {
+    auto air = field.air_around(point, cells, [this] { job_.meter.throw_if_cancelled(); });
+    if (!air) {
+      throw Error(ErrorKind::input, request_.path +
+                                        ": nothing is seen from the point of --inside; give one in "
+                                        "the air of the room");
+    }
+    return air;
   }
 
   static void read_depths(const views::Grid& grid, const ColourCache& drawn, std::uint32_t view,
@@ -273,8 +299,7 @@ SourceSurface surface_of_scene(job::JobContext& job, const TransferOptions& opti
   if (made.surface.triangles.empty()) {
     throw Error(ErrorKind::input,
                 options.source +
-                    (shape.inside ? ": no surface is seen from the point of --inside; give one in "
-                                    "the air of the room"
+                    (shape.inside ? ": no surface is seen from the point of --inside"
                                   : ": no surface is seen from outside; a room needs --inside, an "
                                     "open scene --box around one object, a faint one "
                                     "--min-opacity"));

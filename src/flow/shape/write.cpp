@@ -17,11 +17,14 @@ constexpr int kFitting = 4;  // rounds
 /// Cosine: what is a fold in a capture's surface.
 constexpr double kOnItsFace = 0.2;
 
-/// Of the surface's room what packing may use, when charts are unfolded: the mesh itself stays.
-std::uint64_t masks_bytes(const SourceSurface& made) {
-  constexpr std::uint64_t kMesh = 500;  // of a triangle, its chart and its vertices
-  const std::uint64_t room = made.room.bytes(), mesh = kMesh * made.surface.triangles.size();
-  return room > mesh ? room - mesh : 0;
+/// Of the surface's room what masks may take while charts are packed, when nothing is unfolded any
+/// more: half of what the mesh, its charts and the tiles' rows leave, since masks are many small
+/// things.
+std::uint64_t masks_bytes(const SourceSurface& made, std::uint32_t tiles) {
+  constexpr std::uint64_t kOfTriangle = 700, kOfTile = 1 << 20;
+  const std::uint64_t room = made.room.bytes(),
+                      taken = kOfTriangle * made.surface.triangles.size() + kOfTile * tiles;
+  return room > taken ? (room - taken) / 2 : 0;
 }
 
 /// Moves UVs into the tiles of their charts, and sorts triangles by these.
@@ -69,7 +72,7 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
   if (!made.is_exact) meshing::unfold(surface, kOnItsFace);
   unwrap::Unwrapped flat =
       unwrap::unwrap(surface.positions, surface.triangles,
-                     {shape.size, shape.gutter, shape.udims, masks_bytes(made)}, poll);
+                     {shape.size, shape.gutter, shape.udims, masks_bytes(made, shape.udims)}, poll);
   if (!flat.fits) {
     throw Error(ErrorKind::usage,
                 fmt::format("--size {}: too small for {} charts with {} texels between them; raise "

@@ -13,52 +13,100 @@
 #include "io/problems.h"
 
 namespace pounce::io {
+namespace {
+
+/// A material's own vertices, which follow those of the one before: a primitive that named all
+/// would cost its reader all.
+struct Primitive {
+  std::uint64_t first_vertex = 0, vertices = 0;
+  std::uint64_t first_triangle = 0;
+  Box3f box;
+};
+
+struct Grouped {
+  std::vector<Primitive> primitives;
+  std::vector<std::uint32_t> order;                     ///< of the mesh's vertices
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counted from their primitive's first
+};
+
+Grouped by_material(const PlainMesh& mesh) {
+  Grouped out;
+  std::vector<std::uint32_t> number(mesh.positions.size());
+  std::vector<std::size_t> last_used(mesh.positions.size());  // by which material, from 1
+  std::size_t material = 0, triangle = 0;
+  for (const PlainMaterial& own : mesh.materials) {
+    ++material;
+    Primitive primitive{out.order.size(), 0, triangle, {}};
+    for (const std::size_t end = triangle + own.triangles; triangle < end; ++triangle) {
+      auto& corners = out.triangles.emplace_back(mesh.triangles[triangle]);
+      for (std::uint32_t& v : corners) {
+        if (last_used[v] != material) {
+          last_used[v] = material;
+          number[v] = static_cast<std::uint32_t>(primitive.vertices++);
+          out.order.push_back(v);
+          primitive.box.extend(mesh.positions[v]);
+        }
+        v = number[v];
+      }
+    }
+    out.primitives.push_back(primitive);
+  }
+  return out;
+}
+
+}  // namespace
 
 // Written by hand, as the writer of Gaussians does it: the text is the same everywhere.
 std::uint64_t write_glb(FILE* stream, const std::string& name, const PlainMesh& mesh) {
-  Box3f box;
-  for (const Vec3f p : mesh.positions) box.extend(p);
-  const std::uint64_t vertices = mesh.positions.size();
+  const Grouped grouped = by_material(mesh);
+  const std::uint64_t vertices = grouped.order.size();
   const std::array<std::uint64_t, 4> bytes{vertices * sizeof(Vec3f), vertices * sizeof(Vec3f),
                                            vertices * sizeof(Vec2f), mesh.triangles.size_bytes()};
   const std::uint64_t binary = bytes[0] + bytes[1] + bytes[2] + bytes[3];  // a multiple of four
   const Vec3d& o = mesh.origin;
-  std::string materials, primitives, indices;
-  std::uint64_t first = 0;  // of its triangles
+  std::string materials, primitives, accessors;
+  const auto accessor = [](int view, std::uint64_t offset, int type, std::uint64_t count,
+                           const char* shape) {
+    return fmt::format("{{\"bufferView\":{}{},\"componentType\":{},\"count\":{},\"type\":\"{}\"",
+                       view, offset == 0 ? "" : fmt::format(",\"byteOffset\":{}", offset), type,
+                       count, shape);
+  };
   for (std::size_t k = 0; k < mesh.materials.size(); ++k) {
     const PlainMaterial& material = mesh.materials[k];
+    const Primitive& own = grouped.primitives[k];
     const char* const comma = k == 0 ? "" : ",";
     materials += fmt::format(
         "{}{{\"name\":{},\"pbrMetallicRoughness\":{{\"metallicFactor\":0}}{}}}", comma,
         json_quoted(material.name), material.double_sided ? ",\"doubleSided\":true" : "");
     primitives += fmt::format(
-        "{}{{\"attributes\":{{\"POSITION\":0,\"NORMAL\":1,\"TEXCOORD_0\":2}},"
+        "{}{{\"attributes\":{{\"POSITION\":{},\"NORMAL\":{},\"TEXCOORD_0\":{}}},"
         "\"indices\":{},\"material\":{}}}",
-        comma, 3 + k, k);
-    indices += fmt::format(
-        ",{{\"bufferView\":3,{}\"componentType\":5125,\"count\":{},\"type\":"
-        "\"SCALAR\"}}",
-        first == 0 ? "" : fmt::format("\"byteOffset\":{},", first * 12), 3 * material.triangles);
-    first += material.triangles;
+        comma, 4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3, k);
+    const Box3f& box = own.box;
+    accessors +=
+        fmt::format("{}{},\"min\":[{},{},{}],\"max\":[{},{},{}]}},{}}},{}}},{}}}", comma,
+                    accessor(0, own.first_vertex * sizeof(Vec3f), 5126, own.vertices, "VEC3"),
+                    box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z,
+                    accessor(1, own.first_vertex * sizeof(Vec3f), 5126, own.vertices, "VEC3"),
+                    accessor(2, own.first_vertex * sizeof(Vec2f), 5126, own.vertices, "VEC2"),
+                    accessor(3, own.first_triangle * 3 * sizeof(std::uint32_t), 5125,
+                             3 * material.triangles, "SCALAR"));
   }
   std::string json = fmt::format(
       "{{\"asset\":{{\"version\":\"2.0\",\"generator\":\"pounce\"}},\"scene\":0,"
       "\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0{}}}],\"materials\":[{}],"
-      "\"meshes\":[{{\"primitives\":[{}]}}],",
+      "\"meshes\":[{{\"primitives\":[{}]}}],\"accessors\":[{}],\"bufferViews\":[",
       o == Vec3d{} ? "" : fmt::format(",\"translation\":[{},{},{}]", o.x, o.y, o.z), materials,
-      primitives);
-  const auto accessor = [&](std::size_t k, const char* shape) {
-    return fmt::format("{{\"bufferView\":{},\"componentType\":5126,\"count\":{},\"type\":\"{}\"", k,
-                       vertices, shape);
-  };
-  json += fmt::format(
-      "\"accessors\":[{},\"min\":[{},{},{}],\"max\":[{},{},{}]}},{}}},{}}}{}],\"bufferViews\":[",
-      accessor(0, "VEC3"), box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z,
-      accessor(1, "VEC3"), accessor(2, "VEC2"), indices);
+      primitives, accessors);
   std::uint64_t at = 0;
+  constexpr std::array<std::size_t, 3> kStrides{sizeof(Vec3f), sizeof(Vec3f), sizeof(Vec2f)};
   for (std::size_t k = 0; k < bytes.size(); ++k) {
-    json += fmt::format("{}{{\"buffer\":0,\"byteOffset\":{},\"byteLength\":{},\"target\":{}}}",
-                        k == 0 ? "" : ",", at, bytes[k], k < 3 ? 34962 : 34963);
+    // Said where several primitives share it.
+    const std::string stride = k < kStrides.size() && mesh.materials.size() > 1
+                                   ? fmt::format(",\"byteStride\":{}", kStrides[k])
+                                   : "";
+    json += fmt::format("{}{{\"buffer\":0,\"byteOffset\":{},\"byteLength\":{}{},\"target\":{}}}",
+                        k == 0 ? "" : ",", at, bytes[k], stride, k < 3 ? 34962 : 34963);
     at += bytes[k];
   }
   json += fmt::format("],\"buffers\":[{{\"byteLength\":{}}}]}}", binary);
@@ -79,10 +127,13 @@ std::uint64_t write_glb(FILE* stream, const std::string& name, const PlainMesh& 
   put_numbers({json.size(), 0x4E4F534A});  // "JSON"
   put(std::as_bytes(std::span(json)));
   put_numbers({binary, 0x004E4942});  // "BIN"
-  put(std::as_bytes(mesh.positions));
-  put(std::as_bytes(mesh.normals));
-  put(std::as_bytes(mesh.uvs));
-  put(std::as_bytes(mesh.triangles));
+  const auto put_in_order = [&](const auto& of_vertex) {
+    for (const std::uint32_t v : grouped.order) put(std::as_bytes(of_vertex.subspan(v, 1)));
+  };
+  put_in_order(mesh.positions);
+  put_in_order(mesh.normals);
+  put_in_order(mesh.uvs);
+  put(std::as_bytes(std::span(grouped.triangles)));
   return total;
 }
 

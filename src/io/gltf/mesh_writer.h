@@ -19,7 +19,8 @@ struct PlainMaterial {
   bool double_sided = false;
 };
 
-/// A mesh with one set of UVs (v downwards), a primitive for each material.
+/// A mesh with one set of UVs (v downwards); a primitive for each material, with vertices of its
+/// own.
 struct PlainMesh {
   std::span<const Vec3f> positions, normals;  ///< as many of each
   std::span<const Vec2f> uvs;                 ///< and of these
