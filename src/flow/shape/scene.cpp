@@ -205,11 +205,6 @@ class SceneShape {
     if (shape_.inside) {
       // What a view shows that begins in a wall or in a cupboard is not seen from the room.
       std::optional<meshing::Air> air = air_around(field, inside, kFreeCells);
-      field.clear();
-      add_all(&*air);
-      air.reset();
-      air = air_around(field, inside, 0);
-      field.keep_air(*air);
       const float away = length(air->start() - inside);
       if (away > kNearAir * lattice.cell) {
         job_.warn(
@@ -217,6 +212,11 @@ class SceneShape {
                         "units away was taken for the room's",
                         request_.path, away));
       }
+      field.clear();
+      add_all(&*air);
+      air.reset();
+      air = air_around(field, inside, 0);
+      field.keep_air(*air);
     }
     if (shape_.close) field.close();
     const std::uint64_t most = field.most_triangles();

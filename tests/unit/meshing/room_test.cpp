@@ -103,6 +103,11 @@ TEST_CASE("a room is its walls from within and what stands in it, and nothing be
   const auto air = room.field.air_around(room.middle, kTruncation / 2);
   REQUIRE(air);
   CHECK(air->has(room.middle));
+  CHECK(length(air->start() - room.middle) < room.field.lattice().cell);
+  // Of a point in the wall the nearest air is some cells away.
+  const auto beside = room.field.air_around({2.15F, 0, 0}, kTruncation / 2);
+  REQUIRE(beside);
+  CHECK(length(beside->start() - Vec3f{2.15F, 0, 0}) > 3 * room.field.lattice().cell);
   CHECK(air->has(Vec3f{1.6F, 1.1F, 0.6F}));           // a corner of the room
   CHECK_FALSE(air->has(Vec3f{0.9F, 0, -0.6F}));       // within the cube
   CHECK_FALSE(air->has(Vec3f{2.15F, 0, 0}));          // within the wall
