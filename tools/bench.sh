@@ -2,10 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs what is missing, builds the preset `release` and runs the benchmarks, five times each.
 # Usage: tools/bench.sh [RESULT.json] [pounce_bench arguments, e.g. --benchmark_filter=search]
+#        tools/bench.sh table [bench/table.py arguments, e.g. --sizes 1024,4096 --old POUNCE]
+# With "table": whole processes, one interleaved run: pounce beside an Embree program, and Blender where it is installed.
 # Compare two results with bench/compare.py. On a quiet machine this takes about three minutes.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+if [[ ${1-} == table ]]; then
+  shift
+  tools/install-packages.sh
+  if ! dpkg-query -W libembree-dev >/dev/null 2>&1; then
+    echo "== Installing libembree-dev, for the benchmark alone"
+    apt-get install -y --no-install-recommends libembree-dev >/dev/null
+  fi
+  cmake --preset release -DPOUNCE_BUILD_BENCH=ON >/dev/null
+  cmake --build --preset release --target pounce_cli pounce-fixture pounce_embree
+  blender=$(command -v blender || true)
+  bench/table.py --programs build/release --json build/release/table.json ${blender:+--blender "$blender"} "$@"
+  echo "results: build/release/table.json"
+  exit
+fi
 result=build/release/bench.json
 if [[ $# -gt 0 && $1 != -* ]]; then
   result=$1
