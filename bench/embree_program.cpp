@@ -225,7 +225,10 @@ class Transfer {
  public:
   Transfer(const Mesh& source, const Image& image, const Mesh& target, std::uint32_t size,
            const std::string& filter)
-      : source_(source), target_(target), image_(image), size_(size),
+      : source_(source),
+        target_(target),
+        image_(image),
+        size_(size),
         is_tent_(filter == "tent"),
         is_cubic_(filter == "cubic"),
         look_(image) {
@@ -233,9 +236,8 @@ class Transfer {
     device_ = rtcNewDevice("threads=1");
     scene_ = rtcNewScene(device_);
     RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
-    auto* v = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
-                                                          RTC_FORMAT_FLOAT3, 12,
-                                                          source.positions.size()));
+    auto* v = static_cast<float*>(rtcSetNewGeometryBuffer(
+        geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, source.positions.size()));
     std::copy_n(&source.positions[0].x, 3 * source.positions.size(), v);
     auto* i = static_cast<unsigned*>(rtcSetNewGeometryBuffer(
         geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, source.triangles.size()));
@@ -302,7 +304,8 @@ class Transfer {
                  of[t[2]] * static_cast<float>(w2);
         };
         const auto lane = static_cast<std::size_t>(packet_.count++);
-        packet_.texel[lane] = static_cast<std::uint32_t>(py) * size_ + static_cast<std::uint32_t>(px);
+        packet_.texel[lane] =
+            static_cast<std::uint32_t>(py) * size_ + static_cast<std::uint32_t>(px);
         packet_.along_x[lane] = along_x;
         packet_.along_y[lane] = along_y;
         packet_.position[lane] = mix(target_.positions);
@@ -365,8 +368,8 @@ class Transfer {
   }
 
   /// The mean of cubic lookups over what the texel covers, in the image itself.
-  Four mean(std::size_t lane, const std::array<std::uint32_t, 3>& t, Vec2d a,
-                            Vec2d b, Vec2d c, Vec2d at) const {
+  Four mean(std::size_t lane, const std::array<std::uint32_t, 3>& t, Vec2d a, Vec2d b, Vec2d c,
+            Vec2d at) const {
     const Vec3f e1 = source_.positions[t[1]] - source_.positions[t[0]],
                 e2 = source_.positions[t[2]] - source_.positions[t[0]];
     const float d11 = dot(e1, e1), d12 = dot(e1, e2), d22 = dot(e2, e2),
@@ -377,7 +380,8 @@ class Transfer {
     };
     const pounce::projection::TexelGradients gradients{along(b.x - a.x, c.x - a.x),
                                                        along(b.y - a.y, c.y - a.y)};
-    const auto footprint = pounce::projection::footprint_of(gradients, packet_.along_x[lane], packet_.along_y[lane]);
+    const auto footprint =
+        pounce::projection::footprint_of(gradients, packet_.along_x[lane], packet_.along_y[lane]);
     const auto lookups = pounce::projection::lookups_of(footprint, 0).sets[0];
     Four sum{};
     const Vec2d first = at - lookups.step_a * ((lookups.count_a - 1) / 2.0) -
@@ -408,9 +412,10 @@ class Transfer {
 
 int main(int argc, char** argv) try {
   if (argc < 6) {
-    std::fputs("usage: pounce_embree SOURCE.obj SOURCE.png TARGET.obj OUTPUT.png SIZE "
-               "[tent|cubic|footprint]\n",
-               stderr);
+    std::fputs(
+        "usage: pounce_embree SOURCE.obj SOURCE.png TARGET.obj OUTPUT.png SIZE "
+        "[tent|cubic|footprint]\n",
+        stderr);
     return 2;
   }
   const auto size = static_cast<std::uint32_t>(std::strtoul(argv[5], nullptr, 10));
@@ -425,10 +430,11 @@ int main(int argc, char** argv) try {
   const double done = cpu_ms();
   write_png(argv[4], transfer.rgba(), size);
   const double written = cpu_ms();
-  std::printf("{\"read\":%.1f,\"decode\":%.1f,\"build\":%.1f,\"transfer\":%.1f,\"encode\":%.1f,"
-              "\"covered\":%llu}\n",
-              read - begin, decoded - read, built - decoded, done - built, written - done,
-              static_cast<unsigned long long>(covered));
+  std::printf(
+      "{\"read\":%.1f,\"decode\":%.1f,\"build\":%.1f,\"transfer\":%.1f,\"encode\":%.1f,"
+      "\"covered\":%llu}\n",
+      read - begin, decoded - read, built - decoded, done - built, written - done,
+      static_cast<unsigned long long>(covered));
   return 0;
 } catch (const std::exception& e) {
   std::fprintf(stderr, "pounce_embree: %s\n", e.what());

@@ -57,8 +57,10 @@ def rows_of(options, size, case, folder):
         "pounce, 2 threads": (ours(pounce, "--threads", "2", "--no-cache"), environment),
     }
     if options.old:
-        # A release that has no --redo makes its images again by itself.
-        rows["pounce before"] = ([a for a in ours(options.old, *cold) if a != "--redo"], environment)
+        # A release without --redo makes its images again by itself.
+        known = subprocess.run([options.old, "transfer", "--help"], capture_output=True, text=True, check=False)
+        rows["pounce before"] = ([a for a in ours(options.old, *cold) if a != "--redo" or a in known.stdout],
+                                 environment)
     if os.path.exists(embree):
         for name, kernel in (("tent", "tent"), ("cubic", "cubic"), ("footprints", "footprint")):
             rows[f"Embree, {name}"] = ([embree, f"{source}.obj", f"{source}.png", target, out, str(size), kernel],

@@ -148,7 +148,7 @@ void cubic(double u, double v, Taps& taps) noexcept { keys_taps(kCubic, u, v, ta
 void sharp(double u, double v, Taps& taps) noexcept { keys_taps(kSharp, u, v, taps); }
 
 double keys_of(BlendKernel kernel) noexcept {
-  return kernel == cubic ? kCubic : kernel == sharp ? kSharp : 0;
+  return kernel == cubic ? kCubic : kernel == sharp ? kSharp : kTent;
 }
 
 BlendKernel kernel_of(Filter filter) noexcept {

@@ -117,7 +117,8 @@ void cubic(double u, double v, Taps& taps) noexcept;
 void sharp(double u, double v, Taps& taps) noexcept;
 
 BlendKernel kernel_of(Filter filter) noexcept;
-/// The a of Keys' kernels; 0: it is none of them.
+/// The a of Keys' kernels, or kTent.
+inline constexpr double kTent = 0;
 double keys_of(BlendKernel kernel) noexcept;
 
 /// Changes a wide kernel's weights for a hit at `u`, `v` to what a finer target asks for.

@@ -76,8 +76,8 @@ struct BlendLanes {
   void (*place)(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& middle_x,
                 const Sixteen<double>& middle_y, int a, int b, unsigned lanes, PlacesLanes& out);
   /// Adds share x blend() to `means`, for lookups that lie in one tile; offsets of the other lanes
-  /// are in it, too, and their share is 0. By channels, less 1. `keys` is the kernel's a. Null:
-  /// no sharpening, else that of each lane.
+  /// are in it, too, and their share is 0. By channels, less 1. `keys` is the kernel's a, or kTent.
+  /// Null: no sharpening, else that of each lane; of tents there is none.
   using Add = void (*)(const std::byte* tile, const PlacesLanes& places,
                        const Sixteen<double>& share, double keys,
                        const FootprintLookupsLanes* sharpening, MeansLanes& means);

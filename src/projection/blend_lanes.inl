@@ -359,6 +359,66 @@ template <std::size_t kChannels, bool kSharpened>
 
 constexpr double kPerSquare = 1.0 / (static_cast<double>(kOne) * kOne);
 
+/// Of a tent: sums by channel, and of the weights.
+template <std::size_t kChannels>
+struct TentSums {
+  std::array<Doubles, kChannels> sums;
+  Doubles total;
+};
+
+/// As tent() in blend.cpp, of the group from lane `first` on.
+template <std::size_t kChannels>
+[[gnu::always_inline]] inline TentSums<kChannels> tent_u8(const std::byte* tile,
+                                                          const PlacesLanes& places,
+                                                          std::size_t first) {
+  Runs runs;
+  for (std::size_t lane = 0; lane < kGroup; ++lane) runs[lane] = tile + places.offset[first + lane];
+  const Doubles u = load(places.rest_x.data() + first), v = load(places.rest_y.data() + first);
+  const auto step = [](const Doubles& w) { return truncated(w * static_cast<double>(kOne) + 0.5); };
+  const Four weights{step((1.0 - u) * (1.0 - v)), step(u * (1.0 - v)), step((1.0 - u) * v),
+                     step(u * v)};
+  std::array<IntRegister, kChannels> sums{};
+  for (std::size_t y = 0; y < 2; ++y) {  // the two in the middle
+    const auto texels = load_row<kChannels>(
+        runs, static_cast<std::ptrdiff_t>((y + 1) * store::kColourTileEdge * kChannels), false);
+    for (std::size_t c = 0; c < kChannels; ++c) {
+      const auto left = (IntRegister)((UintRegister)texels[c].first >> 16);
+      const IntRegister right = texels[c].second & 0xFFFF;
+      sums[c] += weights[2 * y] * left + weights[2 * y + 1] * right;
+    }
+  }
+  TentSums<kChannels> out;
+  for (std::size_t c = 0; c < kChannels; ++c) out.sums[c] = doubles_of(sums[c]);
+  out.total = doubles_of(weights[0] + weights[1] + weights[2] + weights[3]);
+  return out;
+}
+
+template <std::size_t kChannels>
+void add_tents_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
+                  MeansLanes& means) {
+  for (std::size_t first = 0; first < kLanes; first += kGroup) {
+    const auto tent = tent_u8<kChannels>(tile, places, first);
+    const Doubles by = load(share.data() + first);
+    for (std::size_t c = 0; c < kChannels; ++c) {
+      double* const mean = means[c].data() + first;
+      store(mean, load(mean) + by * (tent.sums[c] / (tent.total * 255.0)));
+    }
+  }
+}
+
+template <std::size_t kChannels>
+void round_tents_u8(const std::byte* tile, const PlacesLanes& places,
+                    Sixteen<std::uint32_t>& texels) {
+  for (std::size_t first = 0; first < kLanes; first += kGroup) {
+    const auto tent = tent_u8<kChannels>(tile, places, first);
+    const Doubles per_sum = 1.0 / tent.total;
+    IntRegister texel{};
+    for (std::size_t c = 0; c < kChannels; ++c)
+      texel |= truncated(tent.sums[c] * per_sum + 0.5) << static_cast<int>(8 * c);
+    store_register(texels.data() + first, texel);
+  }
+}
+
 template <std::size_t kChannels, bool kSharpened>
 void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
                  double keys, const FootprintLookupsLanes* sharpening, MeansLanes& means) {
@@ -375,6 +435,7 @@ void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen
 template <std::size_t kChannels>
 void add_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
             double keys, const FootprintLookupsLanes* sharpening, MeansLanes& means) {
+  if (keys == kTent) return add_tents_u8<kChannels>(tile, places, share, means);
   (sharpening != nullptr
        ? add_sums_u8<kChannels, true>
        : add_sums_u8<kChannels, false>)(tile, places, share, keys, sharpening, means);
@@ -395,6 +456,7 @@ void round_sums_u8(const std::byte* tile, const PlacesLanes& places, double keys
 template <std::size_t kChannels>
 void round_u8(const std::byte* tile, const PlacesLanes& places, double keys,
               const FootprintLookupsLanes* sharpening, Sixteen<std::uint32_t>& texels) {
+  if (keys == kTent) return round_tents_u8<kChannels>(tile, places, texels);
   (sharpening != nullptr ? round_sums_u8<kChannels, true>
                          : round_sums_u8<kChannels, false>)(tile, places, keys, sharpening, texels);
 }

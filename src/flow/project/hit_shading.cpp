@@ -289,8 +289,7 @@ void HitShading::shade(HitWork& work) const {
 //
 // A lane gets one of three results: a finished texel (`rounded_`), samples that shading has yet to
 // convert (`blended_`), or neither, and then it is blended alone. The last are lanes without an
-// image of 8 bits: floats, constants, UDIM tiles without image. A filter without a kernel for lanes
-// leaves all of them alone.
+// image of 8 bits: floats, constants, UDIM tiles without image.
 
 namespace {
 
@@ -318,7 +317,6 @@ void PacketBlend::look_up(std::span<const PageColour> pages, const projection::H
                           const std::vector<surface::TexelAxes>& axes,
                           const shading::TexelFormat& format, bool rounds, ColourWindow& window) {
   rounded_ = blended_ = 0;
-  if (keys_ == 0) return;
   const Mask found = find_images(pages, hit, texels, axes);
   if (found == 0) return;
   lanes_.lookups(footprints_, last_level_, lookups_);

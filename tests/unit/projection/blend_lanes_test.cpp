@@ -175,7 +175,8 @@ struct Window {
       width = (width + 1) / 2;
       height = (height + 1) / 2;
     }
-    filter = random.one_in(2) ? Filter::cubic : Filter::sharp;
+    constexpr std::array kFilters{Filter::cubic, Filter::sharp, Filter::tent};
+    filter = kFilters.at(static_cast<std::size_t>(random.whole(0, 2)));
     lanes = random.one_in(2) ? 0xFFFF : random.bits() & 0xFFFF;
     // Near each other or not, in the image or beyond its edges.
     const double far = random.one_in(3) ? 1e3 : 4;
@@ -290,7 +291,8 @@ TEST_CASE("single lookups and means are rounded as texels are one by one") {
     for (int i = 0; i < 600; ++i) {
       const auto channels = static_cast<std::uint32_t>(random.whole(1, 4));
       const Image image(random, 64, 64, channels, Wrap::repeat, Wrap::clamp);
-      const BlendKernel kernel = random.one_in(2) ? cubic : sharp;
+      constexpr std::array kKernels{cubic, sharp, tent};
+      const BlendKernel kernel = kKernels.at(static_cast<std::size_t>(random.whole(0, 2)));
       FootprintLookupsLanes lookups{};
       PlacesLanes places{};
       std::array<At, kSixteen> at;
