@@ -20,20 +20,22 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 
 # Row names, and what the ratios are counted in.
 OURS, RIVAL = "pounce", "Embree, footprints"
 
 
 def run(command, environment):
-    """CPU seconds and peak MiB of a process and its children."""
+    """CPU seconds, wall seconds and peak MiB of a process and its children."""
+    begin = time.monotonic()
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     error = process.stderr.read()
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0:
         sys.exit(f"{' '.join(command)}: ended with {process.returncode}\n{error.decode(errors='replace')}")
-    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+    return usage.ru_utime + usage.ru_stime, time.monotonic() - begin, usage.ru_maxrss / 1024
 
 
 def rows_of(options, size, case, folder):
@@ -80,19 +82,20 @@ def measure(options, size, case, folder):
             figures = run(command, environment)
             if repetition > 0:
                 seen[name].append(figures)
-    return {name: {"cpu_s": statistics.median(s for s, _ in runs), "cpu_s_all": [s for s, _ in runs],
-                   "peak_mib": statistics.median(m for _, m in runs)}
+    return {name: {"cpu_s": statistics.median(run[0] for run in runs), "cpu_s_all": [run[0] for run in runs],
+                   "wall_s": statistics.median(run[1] for run in runs),
+                   "peak_mib": statistics.median(run[2] for run in runs)}
             for name, runs in seen.items()}
 
 
 def print_table(size, case, result):
     rival = result.get(RIVAL, {}).get("cpu_s")
     print(f"\n{size} x {size}, onto {case}")
-    print(f"{'':<30}{'CPU s':>9}{'of pounce':>11}{'of Embree':>11}{'peak MiB':>10}")
+    print(f"{'':<30}{'CPU s':>9}{'of pounce':>11}{'of Embree':>11}{'wall s':>9}{'peak MiB':>10}")
     for name, figures in result.items():
         of_rival = f"{figures['cpu_s'] / rival:>10.2f}x" if rival else f"{'':>11}"
         print(f"{name:<30}{figures['cpu_s']:>9.3f}{figures['cpu_s'] / result[OURS]['cpu_s']:>10.2f}x{of_rival}"
-              f"{figures['peak_mib']:>10.0f}")
+              f"{figures['wall_s']:>9.3f}{figures['peak_mib']:>10.0f}")
 
 
 def processor():
