@@ -4,12 +4,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <queue>
+#include <limits>
+#include <numeric>
 #include <tuple>
+#include <unordered_map>
 #include <unordered_set>
 #include <utility>
 
 #include "core/directions.h"
+#include "meshing/quadrics.h"
 
 namespace pounce::meshing {
 namespace {
@@ -19,86 +22,48 @@ constexpr double kBorderWeight = 10, kSeamWeight = 1;
 /// Of a texel that slides, beside the surface moving as far.
 constexpr double kSlideWeight = 0.02;
 constexpr double kTurn = 0.25;  ///< cosine: a triangle may turn so far at once
+/// Triangles of a place that may move, or be moved to: work grows with their square.
+constexpr std::size_t kMostAround = 64;
+/// Of a place with more, those that have gone are dropped by and by.
+constexpr std::size_t kManyAround = 1024;
+constexpr std::size_t kOften = 1U << 16U;  ///< triangles looked at between two polls
+constexpr std::size_t kTexelsAsOne = 16;   ///< take as long as a triangle
+constexpr std::size_t kMostRefused = 2;
+/// More than any texture set has: a material that fills so many periods is stacked or tiles.
+constexpr double kMostLayers = 4;
 
-/// The sum of squared distances from planes, each with a weight.
-struct Quadric {
-  double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, x = 0, y = 0, z = 0, one = 0, weight = 0;
-
-  /// Of the plane where n p + d is 0.
-  void add(Vec3d n, double d, double w) {
-    xx += w * n.x * n.x, xy += w * n.x * n.y, xz += w * n.x * n.z;
-    yy += w * n.y * n.y, yz += w * n.y * n.z, zz += w * n.z * n.z;
-    x += w * n.x * d, y += w * n.y * d, z += w * n.z * d;
-    one += w * d * d;
-    weight += w;
-  }
-  void add(const Quadric& q) {
-    xx += q.xx, xy += q.xy, xz += q.xz, yy += q.yy, yz += q.yz, zz += q.zz;
-    x += q.x, y += q.y, z += q.z, one += q.one, weight += q.weight;
-  }
-  double at(Vec3d p) const {
-    const double square = xx * p.x * p.x + yy * p.y * p.y + zz * p.z * p.z +
-                          2 * (xy * p.x * p.y + xz * p.x * p.z + yz * p.y * p.z);
-    return std::max(square + 2 * (x * p.x + y * p.y + z * p.z) + one, 0.0);
+struct Step {
+  double cost = 0;
+  std::uint32_t from = 0, to = 0, stamp = 0;
+  bool operator<(const Step& other) const {  // the least comes first
+    return std::tie(other.cost, other.from) < std::tie(cost, from);
   }
 };
-
-/// How far a texture slides: the squared differences between the UVs that a wedge's triangles had
-/// at a place, continued as planes, and those that are there now.
-struct Slide {
-  Quadric squares;
-  std::array<Vec3d, 2> rise{};  ///< sums over triangles, of u and v
-  std::array<double, 2> at_zero{};
-
-  void add(const std::array<Vec3d, 3>& corners, const std::array<Vec2f, 3>& uvs) {
-    const Vec3d b = corners[1] - corners[0], c = corners[2] - corners[0];
-    const double bb = dot(b, b), cc = dot(c, c), bc = dot(b, c), det = bb * cc - bc * bc;
-    constexpr double kSliver = 1e-6;
-    if (!(det > kSliver * bb * cc)) return;
-    const double area = std::sqrt(det) / 2;
-    for (std::size_t k = 0; k < 2; ++k) {
-      const auto value = [&](std::size_t corner) {
-        return double{k == 0 ? uvs[corner].x : uvs[corner].y};
-      };
-      const double to_b = value(1) - value(0), to_c = value(2) - value(0);
-      const Vec3d g = b * ((to_b * cc - to_c * bc) / det) + c * ((to_c * bb - to_b * bc) / det);
-      const double zero = value(0) - dot(g, corners[0]);
-      squares.add(g, zero, area);
-      rise[k] = rise[k] + g * area;
-      at_zero[k] += zero * area;
-    }
-  }
-  void add(const Slide& other) {
-    squares.add(other.squares);
-    for (std::size_t k = 0; k < 2; ++k) {
-      rise[k] = rise[k] + other.rise[k];
-      at_zero[k] += other.at_zero[k];
-    }
-  }
-  double at(Vec3d p, Vec2f uv) const {
-    const double u = uv.x, v = uv.y;
-    const double both = u * (dot(rise[0], p) + at_zero[0]) + v * (dot(rise[1], p) + at_zero[1]);
-    // Each triangle has counted its weight twice, once for u and once for v.
-    return std::max(squares.at(p) - 2 * both + (u * u + v * v) * squares.weight / 2, 0.0);
-  }
-};
+/// Of the queue, for each place: one step that is meant, and half a one that is not any more.
+constexpr std::uint64_t kBytesOfSteps = sizeof(Step) * 3 / 2;
 
 class Collapser {
  public:
-  Collapser(WedgeSurface& surface, std::vector<UvCover>& covers, double distance)
+  Collapser(WedgeSurface& surface, std::vector<UvCover>& covers, double distance,
+            const std::function<void()>& poll)
       : s_(surface),
         covers_(covers),
+        poll_(poll),
         most_error_(distance * distance),
         fans_(surface.places.size()),
         quadrics_(surface.places.size()),
         slides_(surface.wedges.size()),
         stays_(surface.places.size(), 0),
         stamps_(surface.places.size()),
+        slots_(surface.places.size()),
         left_(surface.triangles.size()) {
     const Vec3d first = s_.places.empty() ? Vec3d{} : Vec3d(s_.places.front());
+    points_.reserve(s_.places.size());
     for (const Vec3f& p : s_.places) points_.push_back(Vec3d(p) - first);
+    queue_.reserve(s_.places.size() + s_.places.size() / 2 + 1);
     double area = 0, uv_area = 0;
     for (std::uint32_t t = 0; t < s_.triangles.size(); ++t) {
+      count_work(1);
       const Triangle& own = s_.triangles[t];
       const std::array<Vec3d, 3> corners{points_[place(own[0])], points_[place(own[1])],
                                          points_[place(own[2])]};
@@ -114,46 +79,38 @@ class Collapser {
     for (std::uint32_t p = 0; p < fans_.size(); ++p) look_at(p);
   }
 
-  void run(std::size_t triangles, const std::function<void()>& poll) {
+  void run(std::size_t triangles) {
     for (std::uint32_t p = 0; p < fans_.size(); ++p) choose(p);
-    for (std::size_t steps = 0; left_ > triangles && !queue_.empty(); ++steps) {
-      constexpr std::size_t kOften = 4096;
-      if (steps % kOften == 0) poll();
-      const Step step = queue_.top();
-      queue_.pop();
+    while (left_ > triangles && !queue_.empty()) {
+      std::pop_heap(queue_.begin(), queue_.end());
+      const Step step = queue_.back();
+      queue_.pop_back();
+      count_work(1);
       if (step.stamp != stamps_[step.from]) continue;
       // What lies two edges away may have changed since.
       if (!is_possible(step.from, step.to)) {
         choose(step.from);
       } else if (!find_room(step.from)) {
-        refused_.insert(key(step.from, step.to));
-        choose(step.from);
+        refuse(step.from, step.to);
       } else {
         make(step.from, step.to);
       }
     }
     std::vector<Triangle> kept;
     for (const Triangle& t : s_.triangles) {
-      if (t[0] != t[1]) kept.push_back(t);
+      if (!is_gone(t)) kept.push_back(t);
     }
     s_.triangles = std::move(kept);
     drop_unused(s_);
   }
 
  private:
-  struct Step {
-    double cost = 0;
-    std::uint32_t from = 0, to = 0, stamp = 0;
-    bool operator<(const Step& other) const {  // the least comes first
-      return std::tie(other.cost, other.from) < std::tie(cost, from);
-    }
-  };
   /// An edge that leads away from a place: how many triangles have it, and of the first one the
   /// wedges at both ends.
   struct Spoke {
     std::uint32_t to = 0, own_wedge = 0, far_wedge = 0, count = 0;
-    bool is_seam = false;
-    Vec3d normal;  ///< of a triangle that has it
+    bool is_seam = false, is_shared = false;  ///< shared: with the place that it may move to
+    Vec3d normal;                             ///< of a triangle that has it
   };
 
   static std::uint64_t key(std::uint32_t from, std::uint32_t to) {
@@ -167,28 +124,52 @@ class Collapser {
     return {own[k], own[(k + 1) % 3], own[(k + 2) % 3]};
   }
 
+  void count_work(std::size_t triangles) {
+    work_ += triangles;
+    if (work_ < kOften) return;
+    work_ = 0;
+    poll_();
+  }
+  static bool is_gone(const Triangle& t) { return t[0] == t[1]; }
+  void refuse(std::uint32_t p, std::uint32_t q) {
+    // There may be so many for each place, on average; then those that meet another stay.
+    if (refused_.size() < kMostRefused * fans_.size()) {
+      refused_.insert(key(p, q));
+    } else {
+      stays_[p] = 1;
+    }
+    choose(p);
+  }
+  bool has_many(std::uint32_t p) const { return fans_[p].size() > kMostAround; }
+
+  /// The spoke to a place, if there is one.
+  Spoke* spoke_to(std::uint32_t to) {
+    const std::uint32_t k = slots_[to];
+    return k < spokes_.size() && spokes_[k].to == to ? &spokes_[k] : nullptr;
+  }
+
   void find_spokes(std::uint32_t p) {
     spokes_.clear();
     for (const std::uint32_t t : fans_[p]) {
       const Triangle own = from(t, p);
       for (const std::uint32_t far : {own[1], own[2]}) {
-        const auto same = std::find_if(spokes_.begin(), spokes_.end(),
-                                       [&](const Spoke& s) { return s.to == place(far); });
-        if (same == spokes_.end()) {
-          const Vec3d a = points_[p];
-          const Vec3d normal =
-              unit_vector(cross(points_[place(own[1])] - a, points_[place(own[2])] - a));
-          spokes_.push_back({place(far), own[0], far, 1, false, normal});
-        } else {
+        if (Spoke* same = spoke_to(place(far)); same != nullptr) {
           ++same->count;
           same->is_seam = same->is_seam || same->own_wedge != own[0] || same->far_wedge != far;
+          continue;
         }
+        const Vec3d a = points_[p];
+        const Vec3d normal =
+            unit_vector(cross(points_[place(own[1])] - a, points_[place(own[2])] - a));
+        slots_[place(far)] = static_cast<std::uint32_t>(spokes_.size());
+        spokes_.push_back({place(far), own[0], far, 1, false, false, normal});
       }
     }
   }
 
   /// What is known of a place before anything has moved.
   void look_at(std::uint32_t p) {
+    count_work(fans_[p].size());
     const Vec3d a = points_[p];
     Quadric& quadric = quadrics_[p];
     for (const std::uint32_t t : fans_[p]) {
@@ -214,35 +195,33 @@ class Collapser {
     stays_[p] = is_simple && ends <= 2 && is_one_fan(p) ? 0 : 1;
   }
 
-  /// Can one go around the place from triangle to triangle?
-  bool is_one_fan(std::uint32_t p) const {
-    std::vector<Triangle> rest;
-    for (const std::uint32_t t : fans_[p]) rest.push_back(from(t, p));
-    std::vector<std::uint32_t> reached;
-    for (bool any = true; any && !rest.empty();) {
-      any = false;
-      std::erase_if(rest, [&](const Triangle& t) {
-        const std::uint32_t b = place(t[1]), c = place(t[2]);
-        const auto has = [&](std::uint32_t x) {
-          return std::find(reached.begin(), reached.end(), x) != reached.end();
-        };
-        if (!reached.empty() && !has(b) && !has(c)) return false;
-        reached.push_back(b);
-        reached.push_back(c);
-        any = true;
-        return true;
-      });
+  /// Can one go around the place from triangle to triangle? After find_spokes().
+  bool is_one_fan(std::uint32_t p) {
+    std::vector<std::uint32_t> parents(spokes_.size());
+    std::iota(parents.begin(), parents.end(), 0U);
+    const auto root = [&](std::uint32_t k) {
+      while (parents[k] != k) k = parents[k] = parents[parents[k]];
+      return k;
+    };
+    std::size_t parts = parents.size();
+    for (const std::uint32_t t : fans_[p]) {
+      const Triangle own = from(t, p);
+      const std::uint32_t b = root(slots_[place(own[1])]), c = root(slots_[place(own[2])]);
+      if (b != c) --parts;
+      parents[b] = c;
     }
-    return rest.empty();
+    return parts <= 1;
   }
 
   /// Finds where the place goes next, if anywhere.
   void choose(std::uint32_t p) {
     ++stamps_[p];
-    if (stays_[p] != 0 || fans_[p].empty()) return;
+    if (stays_[p] != 0 || fans_[p].empty() || has_many(p)) return;
     find_spokes(p);
     std::vector<std::pair<double, std::uint32_t>> ways;
     for (const Spoke& spoke : spokes_) {
+      if (has_many(spoke.to)) continue;
+      count_work(fans_[p].size());
       const Vec3d to = points_[spoke.to];
       const Quadric& own = quadrics_[p];
       const double error = own.at(to);
@@ -252,9 +231,19 @@ class Collapser {
     std::sort(ways.begin(), ways.end());
     for (const auto& way : ways) {
       if (!is_possible(p, way.second)) continue;
-      queue_.push({way.first, p, way.second, stamps_[p]});
+      add_to_queue({way.first, p, way.second, stamps_[p]});
       return;
     }
+  }
+
+  /// It never grows beyond what it has room for: of each place one step at most is still meant.
+  void add_to_queue(const Step& step) {
+    if (queue_.size() == queue_.capacity()) {
+      std::erase_if(queue_, [this](const Step& s) { return s.stamp != stamps_[s.from]; });
+      std::make_heap(queue_.begin(), queue_.end());
+    }
+    queue_.push_back(step);
+    std::push_heap(queue_.begin(), queue_.end());
   }
 
   /// What texels slide by when p moves to q, as an error of the surface.
@@ -274,13 +263,12 @@ class Collapser {
 
   /// Fills `spokes_` (of p), `turned_` (wedges at p with what they become) and `gone_`.
   bool is_possible(std::uint32_t p, std::uint32_t q) {
+    if (has_many(p) || has_many(q)) return false;
+    count_work(fans_[p].size() + fans_[q].size());
     find_spokes(p);
-    const Spoke* way = nullptr;
-    bool on_border = false;
-    for (const Spoke& spoke : spokes_) {
-      if (spoke.to == q) way = &spoke;
-      on_border = on_border || spoke.count == 1;
-    }
+    const Spoke* way = spoke_to(q);
+    const bool on_border =
+        std::any_of(spokes_.begin(), spokes_.end(), [](const Spoke& s) { return s.count == 1; });
     if (way == nullptr || way->count > 2 || (on_border && way->count != 1)) return false;
     turned_.clear();
     for (const std::uint32_t t : fans_[p]) {
@@ -297,25 +285,25 @@ class Collapser {
   }
 
   /// What p and q have both as neighbours must be the corners of triangles that go.
-  bool keeps_topology(std::uint32_t p, std::uint32_t q, std::uint32_t going) const {
-    std::vector<std::uint32_t> around;
+  bool keeps_topology(std::uint32_t p, std::uint32_t q, std::uint32_t going) {
+    std::uint32_t common = 0;
     for (const std::uint32_t t : fans_[q]) {
       const Triangle own = from(t, q);
-      around.push_back(place(own[1]));
-      around.push_back(place(own[2]));
+      for (const std::uint32_t far : {own[1], own[2]}) {
+        Spoke* spoke = spoke_to(place(far));
+        if (spoke == nullptr || spoke->is_shared) continue;
+        spoke->is_shared = true;
+        ++common;
+      }
     }
-    const auto is_around = [&](std::uint32_t x) {
-      return std::find(around.begin(), around.end(), x) != around.end();
-    };
-    std::uint32_t common = 0;
-    for (const Spoke& spoke : spokes_) common += spoke.to != q && is_around(spoke.to) ? 1 : 0;
     if (common != going) return false;
     for (const std::uint32_t t : fans_[p]) {
       const Triangle own = from(t, p);
       const std::uint32_t b = place(own[1]), c = place(own[2]);
-      if (b == q || c == q) continue;
-      for (std::size_t k = 0; k < around.size(); k += 2) {
-        if (std::minmax(around[k], around[k + 1]) == std::minmax(b, c)) return false;
+      if (b == q || c == q || !spoke_to(b)->is_shared || !spoke_to(c)->is_shared) continue;
+      for (const std::uint32_t other : fans_[q]) {
+        const Triangle far = from(other, q);
+        if (std::minmax(place(far[1]), place(far[2])) == std::minmax(b, c)) return false;
       }
     }
     return true;
@@ -392,7 +380,10 @@ class Collapser {
       const std::uint32_t to = turned(own[0]);
       if (to != own[1] && to != own[2]) after.push_back(uvs_of(s_, {to, own[1], own[2]}));
     }
-    return forth ? cover.replace(before, after, most) : cover.replace(after, before, kAnyNumber);
+    const bool is_done =
+        forth ? cover.replace(before, after, most) : cover.replace(after, before, kAnyNumber);
+    count_work(cover.texels_looked_at() / kTexelsAsOne);
+    return is_done;
   }
 
   void make(std::uint32_t p, std::uint32_t q) {
@@ -403,7 +394,7 @@ class Collapser {
     for (const std::uint32_t t : fans_[p]) {
       const Triangle own = from(t, p);
       if (place(own[1]) == q || place(own[2]) == q) {
-        for (const std::uint32_t w : {own[1], own[2]}) std::erase(fans_[place(w)], t);
+        for (const std::uint32_t w : {own[1], own[2]}) take_from(place(w), t);
         s_.triangles[t] = {0, 0, 0};
         --left_;
       } else {
@@ -416,15 +407,29 @@ class Collapser {
       if (k == 0 || turned_[0] != turned_[k])
         slides_[turned_[k].second].add(slides_[turned_[k].first]);
     }
-    fans_[p] = {};
+    std::vector<std::uint32_t>().swap(fans_[p]);  // its memory, too
     ++stamps_[p];
     for (const std::uint32_t r : around) choose(r);
+  }
+
+  /// Nothing reads the fan of a place with so many triangles that some of those gone may be in it.
+  void take_from(std::uint32_t p, std::uint32_t t) {
+    std::vector<std::uint32_t>& fan = fans_[p];
+    if (fan.size() <= kManyAround) {
+      std::erase(fan, t);
+      return;
+    }
+    std::size_t& late = late_[p];
+    if (2 * ++late <= fan.size()) return;
+    std::erase_if(fan, [&](std::uint32_t own) { return own == t || is_gone(s_.triangles[own]); });
+    late = 0;
   }
 
   static constexpr std::uint32_t kAnyNumber = 1U << 30U;
 
   WedgeSurface& s_;
   std::vector<UvCover>& covers_;
+  const std::function<void()>& poll_;
   double most_error_;
   std::vector<Vec3d> points_;
   std::vector<std::vector<std::uint32_t>> fans_;  ///< by place: triangles
@@ -433,9 +438,11 @@ class Collapser {
   double slide_weight_ = 0;
   std::vector<char> stays_;
   std::vector<std::uint32_t> stamps_;  ///< of the last choice
-  std::size_t left_;
-  std::priority_queue<Step> queue_;
-  std::unordered_set<std::uint64_t> refused_;  ///< for want of room
+  std::vector<std::uint32_t> slots_;   ///< by place: which of `spokes_` leads there, if one does
+  std::size_t left_, work_ = 0;
+  std::vector<Step> queue_;                              ///< a heap
+  std::unordered_map<std::uint32_t, std::size_t> late_;  ///< by place: triangles gone of its fan
+  std::unordered_set<std::uint64_t> refused_;            ///< for want of room
   std::vector<Spoke> spokes_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> turned_;
 };
@@ -443,19 +450,41 @@ class Collapser {
 }  // namespace
 
 std::vector<UvCover> covers_of(const WedgeSurface& surface, std::uint32_t edge) {
-  std::vector<UvCover> covers;
+  std::vector<double> periods;  // that each material fills
+  const auto material_of = [&](const Triangle& t) { return surface.wedges[t[0]].material; };
   for (const Triangle& t : surface.triangles) {
-    const std::uint32_t material = surface.wedges[t[0]].material;
-    while (covers.size() <= material) covers.emplace_back(edge);
-    covers[material].add(uvs_of(surface, t));
+    if (periods.size() <= material_of(t)) periods.resize(material_of(t) + 1);
+    const std::array<Vec2f, 3> uvs = uvs_of(surface, t);
+    if (UvCover::counts(uvs)) periods[material_of(t)] += std::abs(turn_of(uvs)) / 2;
   }
+  std::vector<UvCover> covers;
+  covers.reserve(periods.size());
+  for (const double own : periods) {
+    const double scale = std::sqrt(std::min(1.0, kMostLayers / std::max(own, kMostLayers)));
+    covers.emplace_back(std::max(1U, static_cast<std::uint32_t>(edge * scale)));
+  }
+  for (const Triangle& t : surface.triangles) covers[material_of(t)].add(uvs_of(surface, t));
   return covers;
+}
+
+std::uint64_t collapsing_bytes_of(const WedgeSurface& surface) {
+  constexpr std::uint64_t kBlock = 16;  // what an allocation takes beside its contents, rounded up
+  constexpr std::uint64_t kOfRefused = 2 * kBlock + sizeof(std::uint64_t) + 2 * sizeof(void*);
+  constexpr std::uint64_t kFan = sizeof(std::vector<std::uint32_t>) + 2 * kBlock;
+  constexpr std::uint64_t kOfPlace = sizeof(Vec3d) + kFan + sizeof(Quadric) + sizeof(char) +
+                                     2 * sizeof(std::uint32_t) + kBytesOfSteps +
+                                     kMostRefused * kOfRefused;
+  // The surface itself, the dense one beside it, and what dropping the unused makes anew.
+  constexpr std::uint64_t kCopies = 3;
+  return surface.places.size() * (kOfPlace + kCopies * sizeof(Vec3f)) +
+         surface.wedges.size() * (sizeof(Slide) + kCopies * sizeof(Wedge)) +
+         surface.triangles.size() * (6 * sizeof(std::uint32_t) + kCopies * sizeof(Triangle));
 }
 
 void collapse(WedgeSurface& surface, std::vector<UvCover>& covers, std::size_t triangles,
               double distance, const std::function<void()>& poll) {
   if (surface.triangles.size() > triangles)
-    Collapser(surface, covers, distance).run(triangles, poll);
+    Collapser(surface, covers, distance, poll).run(triangles);
 }
 
 }  // namespace pounce::meshing

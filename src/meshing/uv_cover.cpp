@@ -13,6 +13,9 @@ namespace {
 constexpr double kMostPeriods = 2;
 constexpr std::uint16_t kFull = std::numeric_limits<std::uint16_t>::max();
 
+constexpr double kFarthest = 1e6;  ///< from 0: beyond, floats know no texels
+constexpr std::uint64_t kRowAsTexels = 16;
+
 /// x in [0, edge).
 std::uint32_t wrapped(std::int64_t x, std::int64_t edge) {
   const std::int64_t rest = x % edge;
@@ -21,30 +24,42 @@ std::uint32_t wrapped(std::int64_t x, std::int64_t edge) {
 
 }  // namespace
 
-/// Calls each(texel) for those whose middles it covers, each once for every period.
-template <class Visit>
-void UvCover::visit(const Uvs& uvs, const Visit& each) const {
+bool UvCover::counts(const Uvs& uvs) {
   const auto [left, right] = std::minmax({uvs[0].x, uvs[1].x, uvs[2].x});
   const auto [top, bottom] = std::minmax({uvs[0].y, uvs[1].y, uvs[2].y});
-  constexpr double kFarthest = 1e6;  // from 0: beyond, floats know no texels
-  if (double{right} - double{left} > kMostPeriods || double{bottom} - double{top} > kMostPeriods ||
-      std::max({std::abs(left), std::abs(right), std::abs(top), std::abs(bottom)}) > kFarthest)
-    return;
+  return double{right} - double{left} <= kMostPeriods &&
+         double{bottom} - double{top} <= kMostPeriods &&
+         std::max({std::abs(left), std::abs(right), std::abs(top), std::abs(bottom)}) <= kFarthest;
+}
+
+/// Adds the texels whose middles it covers, each once for every period.
+void UvCover::find_runs(const Uvs& uvs) {
+  if (!counts(uvs)) return;
   std::array<Vec2d, 3> corners;
   for (std::size_t k = 0; k < 3; ++k)
     corners[k] = {double{uvs[k].x} * edge_ - 0.5, double{uvs[k].y} * edge_ - 0.5};
   const auto far = static_cast<std::int64_t>(kFarthest) * edge_ * 2;
-  mesh::raster_triangle(corners, {-far, -far, far, far},
-                        [&](std::int64_t y, std::int64_t begin, std::int64_t end) {
-                          const std::uint32_t row = wrapped(y, edge_) * edge_;
-                          for (std::int64_t x = begin; x < end; ++x) each(row + wrapped(x, edge_));
-                        });
+  mesh::raster_triangle(
+      corners, {-far, -far, far, far}, [&](std::int64_t y, std::int64_t begin, std::int64_t end) {
+        const std::uint32_t row = wrapped(y, edge_) * edge_;
+        while (begin < end) {
+          const std::uint32_t at = wrapped(begin, edge_);
+          const auto count =
+              static_cast<std::uint32_t>(std::min<std::int64_t>(end - begin, edge_ - at));
+          runs_.push_back({row + at, count});
+          begin += count;
+        }
+      });
 }
 
 void UvCover::add(const Uvs& uvs) {
-  visit(uvs, [this](std::uint32_t texel) {
-    if (counts_[texel] < kFull) ++counts_[texel];
-  });
+  runs_.clear();
+  find_runs(uvs);
+  for (const Run& run : runs_) {
+    for (std::uint32_t texel = run.first; texel < run.first + run.count; ++texel) {
+      if (counts_[texel] < kFull) ++counts_[texel];
+    }
+  }
 }
 
 std::uint32_t UvCover::at_middle(const Uvs& uvs) const {
@@ -57,27 +72,34 @@ std::uint32_t UvCover::at_middle(const Uvs& uvs) const {
 }
 
 bool UvCover::replace(std::span<const Uvs> old, std::span<const Uvs> fresh, std::uint32_t most) {
-  changes_.clear();
-  for (const Uvs& uvs : old)
-    visit(uvs, [this](std::uint32_t texel) { changes_.emplace_back(texel, -1); });
-  for (const Uvs& uvs : fresh)
-    visit(uvs, [this](std::uint32_t texel) { changes_.emplace_back(texel, 1); });
-  std::sort(changes_.begin(), changes_.end());
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < changes_.size();) {
-    std::pair<std::uint32_t, int> change{changes_[i].first, 0};
-    for (; i < changes_.size() && changes_[i].first == change.first; ++i)
-      change.second += changes_[i].second;
-    if (change.second == 0) continue;
-    if (change.second > 0 && counts_[change.first] + change.second > static_cast<int>(most))
-      return false;
-    changes_[kept++] = change;
+  runs_.clear();
+  for (const Uvs& uvs : old) find_runs(uvs);
+  const std::size_t old_runs = runs_.size();
+  for (const Uvs& uvs : fresh) find_runs(uvs);
+  looked_at_ = runs_.size() * kRowAsTexels;
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    const auto step = static_cast<std::int16_t>(i < old_runs ? -1 : 1);
+    const auto first = changes_.begin() + runs_[i].first;
+    for (auto at = first; at != first + runs_[i].count; ++at)
+      *at = static_cast<std::int16_t>(*at + step);
+    looked_at_ += runs_[i].count;
   }
-  for (std::size_t i = 0; i < kept; ++i) {
-    std::uint16_t& count = counts_[changes_[i].first];
-    count = static_cast<std::uint16_t>(std::clamp<int>(count + changes_[i].second, 0, kFull));
+  bool has_room = true;
+  for (std::size_t i = old_runs; i < runs_.size() && has_room; ++i) {
+    for (std::uint32_t texel = runs_[i].first; texel < runs_[i].first + runs_[i].count; ++texel) {
+      const int change = changes_[texel];
+      if (change > 0 && counts_[texel] + change > static_cast<int>(most)) has_room = false;
+    }
   }
-  return true;
+  for (const Run& run : runs_) {
+    for (std::uint32_t texel = run.first; texel < run.first + run.count; ++texel) {
+      if (has_room)
+        counts_[texel] =
+            static_cast<std::uint16_t>(std::clamp<int>(counts_[texel] + changes_[texel], 0, kFull));
+      changes_[texel] = 0;
+    }
+  }
+  return has_room;
 }
 
 std::uint64_t UvCover::shared() const {

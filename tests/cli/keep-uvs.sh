@@ -87,6 +87,33 @@ expect 0 proxy tiles.obj -o tiles.glb --triangles 100 --size 128 --keep-uvs
 printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\nf 2 4 3\n' >part.obj
 expect 3 proxy part.obj -o n.glb --keep-uvs
 err_has '1 of 2 triangles have no UVs'
+# Without a texture nothing says that UVs repeat: tiles are told apart there too, unless a triangle crosses their border.
+squares() { # N squares side by side, each in the texture moved by so much from the one before
+  for ((x = 0; x < $1; ++x)); do
+    awk -v x="$x" -v by="$2" -v scale="${3-1}" 'BEGIN { for (j = 0; j <= 4; ++j) for (i = 0; i <= 4; ++i) {
+      printf "v %f %f %f\nvt %f %f\n", 1.5 * x + i / 4, j / 4, 0.05 * i * j % 3, x * by + scale * (0.1 + 0.2 * i), scale * (0.1 + 0.2 * j) } }'
+    for j in 0 1 2 3; do
+      for i in 1 2 3 4; do
+        a=$((25 * x + 5 * j + i)) b=$((25 * x + 5 * j + i + 5))
+        echo "f $a/$a $((a + 1))/$((a + 1)) $((b + 1))/$((b + 1)) $b/$b"
+      done
+    done
+  done
+}
+squares 4 1 >plain.obj
+expect 0 proxy plain.obj -o plain.glb --triangles 100 --size 128 --keep-uvs
+[[ $(materials_of plain.glb) == 'default.1001 default.1002 default.1003 default.1004' ]] || fail "tiles without a texture became $(materials_of plain.glb)"
+squares 4 0.4 >cross.obj
+expect 0 proxy cross.obj -o cross.glb --triangles 100 --size 128 --keep-uvs
+[[ $(materials_of cross.glb) == default ]] || fail "what repeats became $(materials_of cross.glb)"
+# UVs that no texture can be made on.
+squares 1 0 1e30 >far.obj
+expect 3 proxy far.obj -o n.glb --triangles 100 --size 128 --keep-uvs
+err_has 'far.obj: the UVs span too many texels (triangle 0) for --keep-uvs: rescale the UVs'
+squares 1 0 0 >equal.obj
+expect 0 proxy equal.obj -o equal.glb --triangles 100 --size 128 --keep-uvs
+err_has 'equal.obj: no triangle of these materials has an area in its UVs'
+err_has 'leave --keep-uvs out'
 # Where it means nothing.
 refused '--gutter' proxy "$heavy" -o n.glb --keep-uvs --gutter 2
 "$POUNCE_FIXTURE" splats -o s.ply --shape sphere --count 4000 --target-size 64 >"$out"

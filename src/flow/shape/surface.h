@@ -34,7 +34,8 @@ inline double length_of(const Length& asked, const Box3f& box) {
 constexpr std::uint64_t surface_bytes(std::uint64_t triangles) { return 250 * triangles; }
 /// With the simpler one that is fitted to it, and what its least squares hold.
 constexpr std::uint64_t fitting_bytes(std::uint64_t triangles) { return 600 * triangles; }
-/// The same where it keeps its UVs, with up to three wedges for each.
+/// The same where it keeps its UVs, with about as many wedges as places. What has more takes more
+/// once that is known (meshing::collapsing_bytes_of).
 constexpr std::uint64_t collapsing_bytes(std::uint64_t triangles) { return 800 * triangles; }
 /// What charts of so many triangles take while they are unfolded: the sparse systems of the
 /// largest.
@@ -45,7 +46,7 @@ constexpr std::uint64_t layout_texels(std::uint32_t size) {
   const std::uint64_t four_textures = std::uint64_t{4} * size * size;
   return four_textures < kMost ? four_textures : kMost;
 }
-/// The counts of these, and as much again for what changes at once.
+/// The counts of these, and how they change at once.
 constexpr std::uint64_t layout_bytes(std::uint32_t size) { return 4 * layout_texels(size); }
 
 }  // namespace pounce::flow

@@ -5,55 +5,14 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <set>
 #include <tuple>
 
 #include "meshing/simplify_wedges.h"
+#include "unit/meshing/wedge_grids.h"
 
 namespace pounce::meshing {
 namespace {
-
-constexpr double kAnyDistance = std::numeric_limits<double>::infinity();
-constexpr std::uint32_t kEdge = 512;
-const auto kNothing = [] {};
-
-/// Grids that are added up and joined.
-struct Builder {
-  std::vector<Vec3f> positions;
-  std::vector<Triangle> triangles;
-  std::vector<std::array<Vec2f, 3>> uvs;
-  std::vector<std::uint32_t> materials;
-
-  /// n x n squares over s, t in 0..1.
-  template <class Place, class Uv>
-  void grid(std::uint32_t n, std::uint32_t material, const Place& place, const Uv& uv) {
-    const auto first = static_cast<std::uint32_t>(positions.size());
-    const auto along = [n](std::uint32_t k) {
-      return static_cast<float>(k) / static_cast<float>(n);
-    };
-    std::vector<Vec2f> own;
-    for (std::uint32_t r = 0; r <= n; ++r) {
-      for (std::uint32_t c = 0; c <= n; ++c) {
-        positions.push_back(place(along(c), along(r)));
-        own.push_back(uv(along(c), along(r)));
-      }
-    }
-    const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-      triangles.push_back({first + a, first + b, first + c});
-      uvs.push_back({own[a], own[b], own[c]});
-      materials.push_back(material);
-    };
-    for (std::uint32_t r = 0; r < n; ++r) {
-      for (std::uint32_t c = 0; c < n; ++c) {
-        const std::uint32_t a = r * (n + 1) + c, b = a + 1, d = a + n + 1;
-        add(a, b, d + 1);
-        add(a, d + 1, d);
-      }
-    }
-  }
-  WedgeSurface made() const { return joined(positions, triangles, uvs, materials); }
-};
 
 /// A wavy sheet of three charts, the third with another material: left, right below, right above.
 WedgeSurface wavy_sheet(std::uint32_t n) {
@@ -110,29 +69,8 @@ std::set<Corner> corners_of(const WedgeSurface& s, bool with_places) {
   return corners;
 }
 
-/// Area in the texture, of one material; all triangles must lie the same way.
-double uv_area(const WedgeSurface& s, std::uint32_t material) {
-  double sum = 0;
-  for (const Triangle& t : s.triangles) {
-    CHECK(s.wedges[t[0]].material == s.wedges[t[1]].material);
-    CHECK(s.wedges[t[0]].material == s.wedges[t[2]].material);
-    if (s.wedges[t[0]].material == material) sum += turn_of(uvs_of(s, t)) / 2;
-  }
-  return sum;
-}
-
 bool includes(const std::set<Corner>& all, const std::set<Corner>& some) {
   return std::includes(all.begin(), all.end(), some.begin(), some.end());
-}
-
-/// Edges between places that not two triangles have.
-std::size_t open_edges(const WedgeSurface& s) {
-  std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
-  for (const Triangle& t : welded(s).triangles) {
-    for (std::size_t k = 0; k < 3; ++k) ++edges[std::minmax(t[k], t[(k + 1) % 3])];
-  }
-  return static_cast<std::size_t>(
-      std::count_if(edges.begin(), edges.end(), [](const auto& e) { return e.second != 2; }));
 }
 
 TEST_CASE("a cube of six charts and two materials comes down to its corners") {
@@ -460,6 +398,88 @@ TEST_CASE("charts that lie on each other may both be simplified") {
     return light.triangles.size();
   };
   CHECK(left(both) <= 2 * left(b) + 10);
+}
+
+TEST_CASE("of UVs that tile, few texels are looked at, and none turns over") {
+  constexpr std::uint32_t n = 12;
+  const auto sheet = [](float periods) {
+    Builder b;
+    b.grid(
+        n, 0,
+        [](float s, float t) {
+          return Vec3f{s, t, 0.05F * std::sin(9 * s) * std::cos(7 * t)};
+        },
+        [=](float s, float t) {
+          return Vec2f{periods * s, periods * t};
+        });
+    return b.made();
+  };
+  CHECK(covers_of(sheet(1), 1024).front().edge() == 1024);
+  CHECK(covers_of(sheet(2), 1024).front().edge() == 1024);
+  // Nearly two periods for each square: all of them together fill some 570.
+  WedgeSurface light = sheet(1.99F * n);
+  auto covers = covers_of(light, 1024);
+  const double filled = 1.99 * 1.99 * n * n, edge = covers.front().edge();
+  CHECK(edge * edge * filled < 4.1 * 1024 * 1024);
+  CHECK(edge * edge * filled > 3.5 * 1024 * 1024);
+  collapse(light, covers, 100, kAnyDistance, kNothing);
+  CHECK(light.triangles.size() <= 100);
+  for (const Triangle& t : light.triangles) CHECK(turn_of(uvs_of(light, t)) > 0);
+  CHECK(uv_area(light, 0) == Approx(filled));
+}
+
+/// A cone of n triangles around its tip.
+WedgeSurface cone(std::uint32_t n) {
+  Builder b;
+  b.positions.push_back({0, 0, 1});
+  for (std::uint32_t k = 0; k < n; ++k) {
+    const double angle = 2 * 3.14159265358979 * k / n;
+    b.positions.push_back(Vec3f(Vec3d{std::cos(angle), std::sin(angle), 0}));
+  }
+  const auto uv = [&](std::uint32_t v) {
+    return Vec2f{0.5F + 0.4F * b.positions[v].x, 0.5F + 0.4F * b.positions[v].y};
+  };
+  for (std::uint32_t k = 0; k < n; ++k) {
+    const Triangle t{0, 1 + k, 1 + (k + 1) % n};
+    b.triangles.push_back(t);
+    b.uvs.push_back({uv(t[0]), uv(t[1]), uv(t[2])});
+    b.materials.push_back(0);
+  }
+  return b.made();
+}
+
+TEST_CASE("a tip with very many triangles is simplified in time that grows with their number") {
+  // Polls come with the work that is done: of 16 times as many triangles, 16 times as many.
+  const auto polls = [](std::uint32_t n) {
+    std::size_t count = 0;
+    WedgeSurface light = cone(n);
+    auto covers = covers_of(light, 64);
+    collapse(light, covers, 40, kAnyDistance, [&] { ++count; });
+    CHECK(light.triangles.size() <= 40);
+    CHECK(light.triangles.size() >= 38);
+    CHECK(light.places.size() == light.triangles.size() + 1);  // still a cone
+    CHECK(open_edges(light) == light.triangles.size());
+    for (const Triangle& t : light.triangles) CHECK(turn_of(uvs_of(light, t)) > 0);
+    return count;
+  };
+  const std::size_t some = polls(2500), many = polls(40000);
+  CHECK(some > 0);
+  CHECK(many < 24 * some);
+}
+
+TEST_CASE("what collapsing holds is said by places, wedges and triangles") {
+  Builder b;  // triangles that have nothing in common
+  for (std::uint32_t k = 0; k < 100; ++k) {
+    const auto x = static_cast<float>(k);
+    for (const Vec2f p : {Vec2f{0, 0}, Vec2f{0.5F, 0}, Vec2f{0, 1}})
+      b.positions.push_back({x + p.x, p.y, 0});
+    b.triangles.push_back({3 * k, 3 * k + 1, 3 * k + 2});
+    b.uvs.push_back({Vec2f{x, 0}, Vec2f{x + 0.5F, 0}, Vec2f{x, 1}});
+    b.materials.push_back(0);
+  }
+  CHECK(collapsing_bytes_of(b.made()) / 100 > 1600);
+  const WedgeSurface sheet = wavy_sheet(24);
+  CHECK(collapsing_bytes_of(sheet) / sheet.triangles.size() < 700);
 }
 
 }  // namespace

@@ -45,5 +45,28 @@ TEST_CASE("triangles come in others' place where no texel then has too many") {
   CHECK(cover.at_middle(kLeftLow) == 2);
 }
 
+TEST_CASE("what is refused over several periods leaves nothing behind") {
+  UvCover cover(16);
+  const std::array<Uvs, 1> wide{{{{{-0.5F, 0}, {1.4F, 0}, {-0.5F, 1.9F}}}}},
+      shifted{{{{{0.5F, 1}, {2.4F, 1}, {0.5F, 2.9F}}}}}, tall{{{{{0, 0}, {0.2F, 0}, {0, 1.9F}}}}};
+  cover.add(wide[0]);
+  const std::uint32_t at_middle = cover.at_middle(wide[0]);
+  const std::uint64_t shared = cover.shared();
+  CHECK(shared > 0);  // it lies on itself
+  const std::array<Uvs, 2> both{wide[0], tall[0]};
+  CHECK_FALSE(cover.replace(wide, both, 1));
+  CHECK(cover.texels_looked_at() > 0);
+  CHECK(cover.at_middle(wide[0]) == at_middle);
+  CHECK(cover.shared() == shared);
+  CHECK(cover.replace(wide, both, 9));
+  CHECK(cover.shared() > shared);
+  CHECK(cover.replace(both, wide, 1));
+  CHECK(cover.shared() == shared);
+  CHECK(cover.replace(wide, shifted, 9));
+  CHECK(cover.replace(shifted, {}, 1));
+  CHECK(cover.shared() == 0);
+  CHECK(cover.at_middle(wide[0]) == 0);
+}
+
 }  // namespace
 }  // namespace pounce::meshing
