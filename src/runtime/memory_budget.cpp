@@ -19,8 +19,12 @@ namespace pounce::runtime {
 void MemoryBudget::make_room(std::uint64_t bytes) {
   // A block that some piece of work reads right now lives on under that work's lease.
   while (leased_ + cached_ + bytes > limit_ && !recent_.empty()) {
-    cached_ -= recent_.back().bytes;
-    kept_.erase(recent_.back().key);
+    const Kept& last = recent_.back();
+    cached_ -= last.bytes;
+    kept_.erase(last.key);
+    const auto own = items_.find(last.key.store);
+    own->second.erase(last.key.item);
+    if (own->second.empty()) items_.erase(own);
     recent_.pop_back();
   }
 }
@@ -55,22 +59,22 @@ void MemoryBudget::keep(const CacheKey& key, std::shared_ptr<const void> thing,
   make_room(bytes);
   recent_.push_front({key, std::move(thing), bytes});
   kept_[key] = recent_.begin();
+  items_[key.store].insert(key.item);
   cached_ += bytes;
   peak_ = std::max(peak_, leased_ + cached_);
 }
 
 void MemoryBudget::forget(std::uint64_t store) {
   const std::lock_guard lock(mutex_);
-  // Through all: stores close a few times in a job, and an index by store would cost every find().
-  for (auto it = recent_.begin(); it != recent_.end();) {
-    if (it->key.store != store) {
-      ++it;
-      continue;
-    }
-    cached_ -= it->bytes;
-    kept_.erase(it->key);
-    it = recent_.erase(it);
+  const auto own = items_.find(store);
+  if (own == items_.end()) return;
+  for (const std::uint64_t item : own->second) {
+    const auto found = kept_.find({store, item});
+    cached_ -= found->second->bytes;
+    recent_.erase(found->second);
+    kept_.erase(found);
   }
+  items_.erase(own);
 }
 
 std::uint64_t MemoryBudget::leased() const {

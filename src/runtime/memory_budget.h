@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "pounce/error.h"
 
@@ -63,6 +64,8 @@ class MemoryBudget {
   std::uint64_t leased_ = 0, cached_ = 0, peak_ = 0;
   std::list<Kept> recent_;  ///< most recently used first
   std::unordered_map<CacheKey, std::list<Kept>::iterator, KeyHash> kept_;
+  /// Of kept_, by store: a job of many images closes thousands of stores.
+  std::unordered_map<std::uint64_t, std::unordered_set<std::uint64_t>> items_;
 };
 
 /// A lease that ends with its object. Throws Error(budget) if there is no room: only for what must
