@@ -133,6 +133,10 @@ job 0 transfer cloud.ply cloud_target.glb -o cloud.png --size 128
 job 0 proxy cloud.ply -o proxy.glb --cells 32 --triangles 500
 job 0 mesh splats/scene.ply -o mesh.glb --cells 32 --triangles 500 --size 128 --views 6 --look around
 job 0 mesh $source -o lod.glb --triangles 200 --size 128
+job 0 mesh $source -o lod.glb --triangles 200 --size 128 --udims 12
+job 0 mesh $source -o lod.glb --triangles 200 --size 128 --keep-uvs
+job 0 mesh $source -o lod.glb --detail 1% --size 128 --keep-uvs
+job 0 proxy splats/scene.ply -o room.glb --cells 32 --triangles 500 --inside middle
 job 0 maps $target -o 'v_<CHANNEL>.exr' --size 70
 for file in $source plane.obj splats/scene.ply a.png; do job 0 inspect "$file"; done
 job 0 compare a.png c.png
