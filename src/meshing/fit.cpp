@@ -19,11 +19,6 @@ namespace {
 /// is.
 constexpr double kHold = 0.05;
 
-Vec3d area_vector(const std::vector<Vec3f>& positions, const Triangle& t) {
-  const Vec3d a(positions[t[0]]), b(positions[t[1]]), c(positions[t[2]]);
-  return cross(b - a, c - a) * 0.5;
-}
-
 /// Which vertices lie on an edge that does not have one triangle on either side.
 std::vector<char> border_of(const Surface& surface) {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;

@@ -15,11 +15,6 @@
 namespace pounce::meshing {
 namespace {
 
-Vec3d area_vector(const Surface& surface, const Triangle& t) {
-  const Vec3d a(surface.positions[t[0]]), b(surface.positions[t[1]]), c(surface.positions[t[2]]);
-  return cross(b - a, c - a) * 0.5;
-}
-
 /// Neighbours of each vertex, one list after the other; and which vertices lie on a border.
 struct Rings {
   std::vector<std::uint32_t> first, neighbours;
@@ -64,6 +59,11 @@ void simplify(Surface& surface, std::size_t triangles, float error) {
 
 }  // namespace
 
+Vec3d area_vector(const std::vector<Vec3f>& positions, const Triangle& t) {
+  const Vec3d a(positions[t[0]]), b(positions[t[1]]), c(positions[t[2]]);
+  return cross(b - a, c - a) * 0.5;
+}
+
 void drop_unused(Surface& surface) {
   constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
   std::vector<std::uint32_t> number(surface.positions.size(), kNone);
@@ -94,7 +94,8 @@ void keep_large_parts(Surface& surface, double share) {
     }
   }
   std::vector<double> area(surface.positions.size());
-  for (const Triangle& t : surface.triangles) area[root(t[0])] += length(area_vector(surface, t));
+  for (const Triangle& t : surface.triangles)
+    area[root(t[0])] += length(area_vector(surface.positions, t));
   const double largest = area.empty() ? 0 : *std::max_element(area.begin(), area.end());
   std::erase_if(surface.triangles,
                 [&](const Triangle& t) { return area[root(t[0])] < share * largest; });
@@ -141,7 +142,7 @@ Box3f box_of(const Surface& surface) {
 std::vector<Vec3f> normals_of(const Surface& surface) {
   std::vector<Vec3d> sums(surface.positions.size());
   for (const Triangle& t : surface.triangles) {
-    const Vec3d own = area_vector(surface, t);
+    const Vec3d own = area_vector(surface.positions, t);
     for (const std::uint32_t v : t) sums[v] = sums[v] + own;
   }
   std::vector<Vec3f> normals;

@@ -19,6 +19,9 @@ struct Surface {
   std::vector<Triangle> triangles;
 };
 
+/// Along a triangle's normal, as long as its area.
+Vec3d area_vector(const std::vector<Vec3f>& positions, const Triangle& triangle);
+
 /// Numbers vertices anew in the order of their first use; those that no triangle has go.
 void drop_unused(Surface& surface);
 

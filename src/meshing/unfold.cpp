@@ -15,11 +15,6 @@ namespace {
 
 constexpr int kRounds = 10;
 
-Vec3d area_vector(const std::vector<Vec3f>& positions, const Triangle& t) {
-  const Vec3d a(positions[t[0]]), b(positions[t[1]]), c(positions[t[2]]);
-  return cross(b - a, c - a) * 0.5;
-}
-
 /// The triangles of each vertex, one list after the other.
 struct Fans {
   std::vector<std::uint32_t> first, triangles;

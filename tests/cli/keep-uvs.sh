@@ -3,10 +3,6 @@
 source "$(dirname "$0")/support.sh"
 number() { tr -d ' \n' <"$1" | sed -nE "s/.*$2.*/\1/p"; }
 psnr() { "$POUNCE" compare "$@" | sed -nE 's/^psnr +([0-9]+).*/\1/p'; }
-refused() {
-  expect 2 "${@:2}"
-  err_has "$1"
-}
 materials_of() {
   expect 0 inspect "$1" --json
   grep -A1 '"materials"' "$out" >"$out.m"
@@ -115,8 +111,8 @@ expect 0 proxy equal.obj -o equal.glb --triangles 100 --size 128 --keep-uvs
 err_has 'equal.obj: no triangle of these materials has an area in its UVs'
 err_has 'leave --keep-uvs out'
 # Where it means nothing.
-refused '--gutter' proxy "$heavy" -o n.glb --keep-uvs --gutter 2
+misused '--gutter' proxy "$heavy" -o n.glb --keep-uvs --gutter 2
 "$POUNCE_FIXTURE" splats -o s.ply --shape sphere --count 4000 --target-size 64 >"$out"
-refused '--keep-uvs applies only to meshes' proxy s.ply -o n.glb --keep-uvs
-refused '--keep-uvs applies only to meshes' mesh s.ply -o n.glb --keep-uvs
+misused '--keep-uvs applies only to meshes' proxy s.ply -o n.glb --keep-uvs
+misused '--keep-uvs applies only to meshes' mesh s.ply -o n.glb --keep-uvs
 [[ ! -e n.glb ]] || fail 'a file of a job that failed'

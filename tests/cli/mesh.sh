@@ -4,14 +4,10 @@
 source "$(dirname "$0")/support.sh"
 number() { tr -d ' \n' <"$1" | sed -nE "s/.*$2.*/\1/p"; }
 psnr() { "$POUNCE" compare "$@" | sed -nE 's/^psnr +([0-9]+).*/\1/p'; }
-refused() {
-  expect 2 "${@:2}"
-  err_has "$1"
-}
-refused 'SOURCE is required' mesh
-refused 'written as .glb or .gltf' mesh s.ply -o s.png
-refused 'remove <TARGET>' mesh s.ply -o '<TARGET>.glb'
-refused '--triangles' mesh s.ply -o s.glb --triangles 9
+misused 'SOURCE is required' mesh
+misused 'written as .glb or .gltf' mesh s.ply -o s.png
+misused 'remove <TARGET>' mesh s.ply -o '<TARGET>.glb'
+misused '--triangles' mesh s.ply -o s.glb --triangles 9
 "$POUNCE_FIXTURE" splats -o s.ply --shape sphere --count 40000 --floaters 0 --target-size 256 >"$out"
 shape=(--triangles 3000 --cells 64 --size 512)
 expect 0 mesh s.ply -o s.glb "${shape[@]}" --report s.json
@@ -64,11 +60,11 @@ triangles_of() {
 expect 0 proxy h/head_src.glb -o coarse.glb --detail 1% --size 256
 expect 0 proxy h/head_src.glb -o fine.glb --detail 0.1% --size 256
 (($(triangles_of coarse.glb) * 2 < $(triangles_of fine.glb) && $(triangles_of fine.glb) < 20000)) || fail '--detail'
-refused '--detail' proxy h/head_src.glb -o n.glb --detail 1% --triangles 500
-refused '--close applies only to splat scenes' mesh h/head_src.glb -o n.glb --close
+misused '--detail' proxy h/head_src.glb -o n.glb --detail 1% --triangles 500
+misused '--close applies only to splat scenes' mesh h/head_src.glb -o n.glb --close
 expect 0 proxy s.ply -o closed.glb "${shape[@]}" --close
-refused 'remove <CHANNEL>' mesh s.ply -o 'n<CHANNEL>.glb'
-refused '<X>' mesh s.ply -o 'n<X>.glb'
+misused 'remove <CHANNEL>' mesh s.ply -o 'n<CHANNEL>.glb'
+misused '<X>' mesh s.ply -o 'n<X>.glb'
 # What cannot be made leaves nothing.
 printf 'v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n' >line.obj
 expect 3 mesh line.obj -o n.glb
@@ -76,9 +72,9 @@ err_has 'degenerate'
 printf 'v 0 0 0\nv 1e20 0 0\nv 0 1e20 0\nf 1 2 3\n' >vast.obj
 expect 3 mesh vast.obj -o n.glb
 err_has 'scale it'
-refused '--look applies only to splat scenes' mesh h/head_src.glb -o n.glb --look around
-refused '--cells applies only to splat scenes' mesh h/head_src.glb -o n.glb --cells 99
-refused '--filter applies only to meshes' mesh s.ply -o n.glb --filter tent
+misused '--look applies only to splat scenes' mesh h/head_src.glb -o n.glb --look around
+misused '--cells applies only to splat scenes' mesh h/head_src.glb -o n.glb --cells 99
+misused '--filter applies only to meshes' mesh s.ply -o n.glb --filter tent
 expect 2 mesh h/head_src.glb -o h/head_src.glb
 expect 4 mesh s.ply -o n.glb --memory 1MiB
 expect 5 mesh missing.glb -o n.glb

@@ -2,14 +2,10 @@
 # proxy makes a mesh with UVs of a scene, the target of a transfer of it: whole or not at all, the same for anybody.
 source "$(dirname "$0")/support.sh"
 number() { tr -d ' \n' <"$1" | sed -nE "s/.*$2.*/\1/p"; }
-refused() {
-  expect 2 "${@:2}"
-  err_has "$1"
-}
-refused 'SOURCE is required' proxy
-refused 'is written as .glb' proxy s.ply -o s.obj
-refused '--triangles' proxy s.ply -o s.glb --triangles 9
-refused '--cells' proxy s.ply -o s.glb --cells 1000
+misused 'SOURCE is required' proxy
+misused 'is written as .glb' proxy s.ply -o s.obj
+misused '--triangles' proxy s.ply -o s.glb --triangles 9
+misused '--cells' proxy s.ply -o s.glb --cells 1000
 "$POUNCE_FIXTURE" splats -o s.ply --shape sphere --count 40000 --floaters 0.005 --target-size 256 >"$out"
 expect 0 proxy s.ply -o s.glb --cells 64 --triangles 3000 --size 512 --threads 1 --no-cache --report s.json
 err_has 'triangles in'

@@ -96,6 +96,11 @@ rejected() {
 }
 
 # same_picture A B: have these the same texels? Files of other options say other jobs.
+# misused WORDS ARGUMENT...: the same where files are there already.
+misused() {
+  expect 2 "${@:2}"
+  err_has "$1"
+}
 same_picture() { "$POUNCE" compare "$1" "$2" --min-psnr 1000 >/dev/null 2>&1; }  # leaves what the job said
 
 only_files() { [[ $(ls -A | tr '\n' ' ') == "$* " ]] || fail "the folder holds: $(ls -A | tr '\n' ' ')"; }
