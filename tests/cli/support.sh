@@ -51,10 +51,12 @@ as_nobody() {
   setpriv --reuid 65534 --regid 65534 --clear-groups "$@" >"$out" 2>"$err"
 }
 
-# kill_job FRACTION ARGUMENT...: runs pounce and kills it (SIGKILL) once its progress is beyond FRACTION of the job.
+# kill_job FRACTION ARGUMENT...: runs pounce and kills it (SIGKILL) once its progress is beyond FRACTION of the job and
+# what the script waits for besides, by an is_ripe of its own, is there.
 # $kills counts those that met a job at work: it had said so much and no end, and died of the signal. A script
 # checks that enough did; a job that was done before proves nothing.
 kills=0
+is_ripe() { :; }
 kill_job() {
   local fraction=$1 said=$work/said job status=0
   shift
@@ -64,7 +66,7 @@ kill_job() {
   is_beyond() {
     awk -F '"fraction":' -v least="$fraction" 'NF > 1 && $2 + 0 > least { found = 1 } END { exit !found }' "$said"
   }
-  until is_beyond || ! kill -0 $job 2>/dev/null; do sleep 0.01; done
+  until { is_beyond && is_ripe; } || ! kill -0 $job 2>/dev/null; do sleep 0.01; done
   kill -KILL $job 2>/dev/null || true
   { wait $job || status=$?; } 2>/dev/null
   if [[ $status == 137 ]] && is_beyond && ! grep -q '^{"end"' "$said"; then kills=$((kills + 1)); fi
