@@ -204,7 +204,7 @@ fs::path library_path(const std::string& obj_path, const std::string& name) {
 void read_mtl(const std::string& path, const std::function<void(MtlMaterial&&)>& found) {
   ObjText text = open_mtl(path);
   MtlReader reader(path, found);
-  for (std::string statement; text.next(statement);) reader.add(statement);
+  for (std::string_view statement; text.next(statement);) reader.add(statement);
   reader.finish();
 }
 
@@ -214,7 +214,7 @@ MtlSize mtl_size(const std::string& path) {
   // Statement by statement as reading does it, but nothing is kept: the count comes before the
   // lease.
   std::uint64_t materials = 0, texts = 0;
-  for (std::string statement; text.next(statement);) {
+  for (std::string_view statement; text.next(statement);) {
     std::string_view rest = statement;
     const std::string_view word = next_word(rest);
     if (word == "newmtl") {

@@ -161,8 +161,8 @@ void ObjReader::reserve() {
 
 // Unknown statements are passed over: there are many, and none of them is a surface.
 void ObjReader::parse() {
-  for (std::string statement; text_.next(statement);) {
-    std::string_view rest(statement);
+  for (std::string_view statement; text_.next(statement);) {
+    std::string_view rest = statement;
     const std::string_view word = next_word(rest);
     if (word == "v") {
       positions_.push_back(position(rest));

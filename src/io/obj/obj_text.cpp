@@ -27,7 +27,9 @@
 #include <bit>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <limits>
+#include <mutex>
 #include <span>
 #include <utility>
 
@@ -43,7 +45,6 @@ constexpr std::size_t kPieceBytes = 256 << 10;
 // A face of a million corners fits into 16 MiB; an MTL has nothing of that kind.
 constexpr std::size_t kMaxObjLineBytes = 16 << 20, kMaxMtlLineBytes = 1 << 20;
 
-bool is_blank(char c) { return c == ' ' || c == '\t'; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 /// Of a decimal number without sign that no such number can hold: is it too large, not too small?
@@ -178,13 +179,17 @@ class ObjCounter {
   }
   // Of the text, not of the numbers: "1/1" and "01/1" count as two, which errs upwards.
   std::uint64_t corner_hash(std::string_view word) const {
-    std::uint64_t hash = 0;
-    for (const char c : word) {
-      hash = (hash + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
-      // The mix of the three counts stands for what a negative index would lead to.
-      // Negative indices mean something else after each new vertex.
-      if (c == '-') hash += (counts_.positions * 31 + counts_.texcoords) * 31 + counts_.normals;
+    std::uint64_t hash = word.size();
+    for (std::size_t at = 0; at < word.size(); at += sizeof(std::uint64_t)) {
+      std::uint64_t letters = 0;
+      std::memcpy(&letters, word.data() + at, std::min(word.size() - at, sizeof letters));
+      hash = (hash ^ letters) * 0xD6E8FEB86659FD93ULL;
+      hash ^= hash >> 32;
     }
+    // The mix of the three counts stands for what a negative index would lead to: it means
+    // something else after each new vertex.
+    if (word.find('-') != std::string_view::npos)
+      hash += (counts_.positions * 31 + counts_.texcoords) * 31 + counts_.normals;
     return hash;
   }
 
@@ -286,9 +291,30 @@ bool ObjText::next_piece() {
   return true;
 }
 
-// One line without its end, added to what `out` has of the statement. Lines are counted as an
-// editor counts them, whatever ends them, so that messages name the right one.
-bool ObjText::append_line(std::string& out) {
+// A statement that is a line of the piece at hand, which ends with LF: nearly all of them. False:
+// append_line() is to take it.
+bool ObjText::take_line(std::string_view& out) {
+  if (after_cr_ || at_ >= piece_.size()) return false;
+  const std::string_view piece(piece_.data(), piece_.size());
+  const std::size_t end = piece.find('\n', at_);
+  if (end == std::string_view::npos) return false;
+  std::string_view line = piece.substr(at_, end - at_);
+  if (line.ends_with('\r')) line.remove_suffix(1);
+  if (line.find('\r') != std::string_view::npos) return false;
+  const std::size_t bytes = line.size();
+  while (!line.empty() && is_blank(line.back())) line.remove_suffix(1);
+  if (line.ends_with('\\')) return false;
+  longest_bytes_ = std::max<std::uint64_t>(longest_bytes_, bytes);
+  at_ = end + 1;
+  ++lines_ended_;
+  out = line;
+  return true;
+}
+
+// One line without its end, added to what there is of the statement. Lines are counted as an editor
+// counts them, whatever ends them, so that messages name the right one.
+bool ObjText::append_line() {
+  std::string& out = statement_;
   const std::size_t most_bytes = kind_ == Kind::obj ? kMaxObjLineBytes : kMaxMtlLineBytes;
   bool any = false;
   for (bool ended = false; !ended && (at_ < piece_.size() || next_piece());) {
@@ -321,29 +347,22 @@ bool ObjText::append_line(std::string& out) {
   return any;
 }
 
-bool ObjText::next(std::string& out) {
-  out.clear();
+bool ObjText::next(std::string_view& out) {
   line_ = lines_ended_ + 1;
-  if (!append_line(out)) return false;
+  if (take_line(out)) return true;
+  std::string& text = statement_;
+  text.clear();
+  if (!append_line()) return false;
   // A comment that ends in a backslash is a comment: whoever wrote it did not mean the next line.
   // Statements of an MTL are not continued.
   const bool may_go_on =
-      kind_ == Kind::obj && out[std::min(out.find_first_not_of(" \t"), out.size())] != '#';
-  while (may_go_on && !out.empty() && out.back() == '\\') {
-    out.back() = ' ';
-    if (!append_line(out)) break;
+      kind_ == Kind::obj && text[std::min(text.find_first_not_of(" \t"), text.size())] != '#';
+  while (may_go_on && !text.empty() && text.back() == '\\') {
+    text.back() = ' ';
+    if (!append_line()) break;
   }
+  out = text;
   return true;
-}
-
-std::string_view next_word(std::string_view& rest) {
-  std::size_t first = 0;
-  while (first < rest.size() && is_blank(rest[first])) ++first;
-  std::size_t last = first;
-  while (last < rest.size() && !is_blank(rest[last])) ++last;
-  const std::string_view word = rest.substr(first, last - first);
-  rest.remove_prefix(last);
-  return word;
 }
 
 std::size_t word_count(std::string_view rest) {
@@ -369,15 +388,64 @@ float to_float_or(std::string_view word, float otherwise) {
   return read_number(word, value) > 0 && std::isfinite(value) ? value : otherwise;
 }
 
+namespace {
+
+/// The files that were counted last: whoever asks what a mesh will take reads it next, and reserves
+/// what was counted. Thread-safe.
+class CountedFiles {
+ public:
+  std::optional<ObjCounts> find(const std::string& path, const FileStatus& status) {
+    const std::lock_guard lock(mutex_);
+    for (const Counted& file : files_) {
+      if (file.path == path && is_same(file.status, status)) return file.counts;
+    }
+    return std::nullopt;
+  }
+  void add(const std::string& path, const FileStatus& status, const ObjCounts& counts) {
+    const std::lock_guard lock(mutex_);
+    files_[next_++ % files_.size()] = {path, status, counts};
+  }
+
+ private:
+  struct Counted {
+    std::string path;
+    FileStatus status;
+    ObjCounts counts;
+  };
+  static bool is_same(const FileStatus& a, const FileStatus& b) {
+    return a.size_bytes == b.size_bytes && a.modified_ns == b.modified_ns &&
+           a.changed_ns == b.changed_ns && a.device == b.device && a.inode == b.inode;
+  }
+
+  std::mutex mutex_;
+  std::array<Counted, 4> files_;  ///< the one longest ago is replaced
+  std::size_t next_ = 0;
+};
+
 // Bounds of names are checked while counting, so that this pass cannot take what it is to foretell.
-ObjCounts count_obj(const std::string& path) {
+ObjCounts counted(const std::string& path) {
   ObjText file(path, ObjText::Kind::obj);
   ObjCounter counter;
-  for (std::string statement; file.next(statement);) {
+  for (std::string_view statement; file.next(statement);) {
     counter.add(statement);
     if (counter.library_bytes() > kMaxLibraryBytes) refuse_libraries(path);
   }
   return counter.finish(file.longest_bytes());
+}
+
+}  // namespace
+
+// A file that is written to within a tick of its clock may be taken for the one that was counted:
+// then a reader reserves too little or too much.
+ObjCounts count_obj(const std::string& path) {
+  static CountedFiles files;
+  const auto before = posix_file_system().status(path);
+  if (before) {
+    if (auto counts = files.find(path, *before)) return *std::move(counts);
+  }
+  ObjCounts counts = counted(path);
+  if (before) files.add(path, *before, counts);
+  return counts;
 }
 
 MeshCost obj_cost(const std::string& path, const MeshReading& reading) {

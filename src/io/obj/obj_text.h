@@ -25,9 +25,9 @@ class ObjText {
   };
   ObjText(const std::string& path, Kind kind);
 
-  /// Replaces `out` with the next statement; false at the end. Throws Error(storage), or
-  /// Error(input) for a line that is none.
-  bool next(std::string& out);
+  /// Replaces `out` with the next statement, which is there until the next is asked for; false at
+  /// the end. Throws Error(storage), or Error(input) for a line that is none.
+  bool next(std::string_view& out);
   /// Throws Error(input) that names the line of the statement.
   [[noreturn]] void fail(const std::string& what) const;
   /// Of all statements so far, blanks at their ends included.
@@ -35,13 +35,15 @@ class ObjText {
 
  private:
   bool next_piece();
-  bool append_line(std::string& out);
+  bool take_line(std::string_view& out);
+  bool append_line();
 
   std::string path_;
   Kind kind_;
   std::unique_ptr<ReadFile> file_;
   std::uint64_t offset_ = 0;
   std::vector<char> piece_;
+  std::string statement_;             ///< of several lines or pieces
   std::size_t at_ = 0, next_lf_ = 0;  ///< in the piece
   std::uint64_t line_ = 0;            ///< first line of the statement, from 1
   std::uint64_t lines_ended_ = 0;     ///< so far
@@ -49,8 +51,18 @@ class ObjText {
   std::uint64_t longest_bytes_ = 0;
 };
 
+inline bool is_blank(char c) { return c == ' ' || c == '\t'; }
+
 /// Takes the next word off the front of `rest`; empty at the end.
-std::string_view next_word(std::string_view& rest);
+inline std::string_view next_word(std::string_view& rest) {
+  const char* at = rest.data();
+  const char* const end = at + rest.size();
+  while (at != end && is_blank(*at)) ++at;
+  const char* const first = at;
+  while (at != end && !is_blank(*at)) ++at;
+  rest = {at, static_cast<std::size_t>(end - at)};
+  return {first, static_cast<std::size_t>(at - first)};
+}
 
 /// How many words there are in it.
 std::size_t word_count(std::string_view rest);

@@ -326,7 +326,7 @@ TEST_CASE("statements come without marks, ends and blanks", "[io]") {
     write_file(folder.file("t"), text);
     io::ObjText file(folder.file("t"), kind);
     Strings out;
-    for (std::string statement; file.next(statement);) out.push_back(statement);
+    for (std::string_view statement; file.next(statement);) out.emplace_back(statement);
     out.push_back(std::to_string(file.longest_bytes()));
     return out;
   };
