@@ -99,10 +99,13 @@ class PosixWriteFile final : public WriteFile {
 
 class PosixFileLock final : public FileLock {
  public:
-  explicit PosixFileLock(Descriptor fd) : fd_(std::move(fd)) {}
+  PosixFileLock(Descriptor fd, std::string last_holder)
+      : fd_(std::move(fd)), last_holder_(std::move(last_holder)) {}
+  std::string last_holder() const override { return last_holder_; }
 
  private:
   Descriptor fd_;  // closing it gives the flock back
+  const std::string last_holder_;
 };
 
 class PosixFileSystem final : public FileSystem {
@@ -205,10 +208,13 @@ class PosixFileSystem final : public FileSystem {
       if (fd.get() < 0) fail_to_change(path, "open the lock file", errno);
       if (!lock_now(fd.get(), path, LOCK_EX)) return nullptr;
       if (!is_named(fd.get(), path)) continue;  // its last holder removed it
-      // Who holds it is for messages only: on a full disk it stays unknown.
+      // Who holds it is no more than a hint: on a full disk it stays unknown.
       const std::string holder = fmt::format("{:<12}\n", ::getpid());
+      std::string last(holder.size(), ' ');
+      const ssize_t read = ::pread(fd.get(), last.data(), last.size(), 0);
+      last.resize(read > 0 ? last.find_first_not_of("0123456789") : 0);
       (void)!::pwrite(fd.get(), holder.data(), holder.size(), 0);
-      return std::make_unique<PosixFileLock>(std::move(fd));
+      return std::make_unique<PosixFileLock>(std::move(fd), std::move(last));
     }
   }
 

@@ -65,6 +65,8 @@ struct FileStatus {
 class FileLock {
  public:
   virtual ~FileLock() = default;
+  /// The number of the process that had it before, as text; empty where nobody knows.
+  virtual std::string last_holder() const { return {}; }
 };
 
 /// Every access to files of our own goes through here (foreign image and mesh libraries excepted),

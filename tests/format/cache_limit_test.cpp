@@ -329,5 +329,57 @@ TEST_CASE("a label whose pack is gone goes with the next tidying", "[format]") {
   CHECK_FALSE(fs::exists(CacheLayout(root).label(kKind, {0, 0})));
 }
 
+/// Counts the files that are looked at.
+class WatchedDisk final : public test::FailingFileSystem {
+ public:
+  WatchedDisk() : FailingFileSystem(posix_file_system()) {}
+  std::optional<FileStatus> status(const std::string& path) override {
+    ++looks;
+    return FailingFileSystem::status(path);
+  }
+  std::uint64_t looks = 0;
+};
+
+TEST_CASE("a pack more does not cost a look at all that are there", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  WatchedDisk disk;
+  const auto store = StoreFolder::open_cache(disk, root, limited(100 * kMiB));
+  std::uint64_t largest = 0;
+  const auto begin = std::chrono::steady_clock::now();
+  for (std::uint64_t key = 0; key < 100; ++key) make(*store, key, 1, root, &largest);
+  const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begin;
+  // Some 200 files, each second and at the beginning. Looking each time would be 10,000.
+  CHECK(static_cast<double>(disk.looks) < 300 * (passed.count() + 1));
+  CHECK(cache_list(root).size() == 100);
+}
+
+TEST_CASE("what others add is seen although nobody looks", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  std::uint64_t largest = 0;
+  const auto ours = StoreFolder::open_cache(posix_file_system(), root, limited(4 * kMiB));
+  make(*ours, 0, 1, root, &largest);
+  SECTION("in this process") {
+    const auto theirs = StoreFolder::open_cache(posix_file_system(), root, limited(4 * kMiB));
+    make(*theirs, 1, 55, root, &largest);
+    make(*ours, 2, 20, root, &largest);
+  }
+  SECTION("in another") {
+    test::Child child([&](const auto& ready) {
+      std::uint64_t most = 0;
+      const auto theirs = StoreFolder::open_cache(posix_file_system(), root, limited(4 * kMiB));
+      make(*theirs, 1, 55, root, &most);
+      ready();
+      for (;;) ::pause();
+    });
+    REQUIRE(child.ready());
+    make(*ours, 2, 20, root, &largest);
+  }
+  CHECK(has(root, 2));
+  CHECK_FALSE(has(root, 1));  // it had to go
+  CHECK(largest <= 4 * kMiB);
+}
+
 }  // namespace
 }  // namespace pounce::store

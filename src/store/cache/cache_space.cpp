@@ -6,6 +6,11 @@
 // is made longer than what is in it, and its length is what everybody counts. A look and what
 // follows from it (removing packs, growing a file) happen under one lock, space.lock.
 //
+// A look costs a call for each file, and a job may add thousands. So a process that had the lock
+// last adds to what its last look has found: others that grow a file must have had the lock in
+// between, and those that remove one leave more room than is known. A second later it looks again,
+// since other programs need no lock.
+//
 // What goes first is what was used longest ago, by the time that find() sets on a pack. A pack that
 // some process has open stays whatever the limit says: removing it would free nothing.
 //
@@ -17,6 +22,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <charconv>
 #include <chrono>
 #include <filesystem>
@@ -119,6 +125,10 @@ constexpr std::uint64_t kUnwrittenBytes = 1 << 20;
 /// A file reserves this share of the limit at a time: fewer looks at the folder, little in vain.
 constexpr std::uint64_t kStepsPerLimit = 64;
 constexpr std::uint64_t kSmallestStep = 64 << 10, kLargestStep = 16 << 20;
+constexpr auto kLookAgain = std::chrono::seconds(1);
+
+/// Counts whatever this process does under a lock: its caches share its number.
+std::atomic<std::uint64_t> looks{0};
 
 /// Removes an object unless some process holds it; one that may not be removed counts as held.
 bool remove_object(FileSystem& files, const CachedObject& object) {
@@ -220,6 +230,11 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
   if (limit_bytes_ == 0) return UINT64_MAX;
   const auto held = lock();
   // From here to the end nobody else looks or grows.
+  if (const std::uint64_t size = reserve_unseen(*held, part, reserved_bytes, size_bytes); size > 0)
+    return size;
+  known_.reset();
+  const std::uint64_t look = ++looks;
+  const auto now = std::chrono::steady_clock::now();
   CacheScan scan = scan_cache(files_, layout_);
   const std::uint64_t own = room_bytes(reserved_bytes);
   const std::uint64_t beside = std::max<std::uint64_t>(scan.parts, 1) * kBesideBytes;
@@ -244,6 +259,7 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
     if (scan.total_bytes > most) continue;  // the rest is in use: without the step it may do
     try {
       files_.resize(part, size);
+      known_ = {scan.total_bytes + growth, unwritten, look, now};
       return size;
     } catch (const Error&) {
       // Files may be limited (ulimit -f) to less than what is reserved beyond what is needed.
@@ -253,9 +269,35 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
   return 0;
 }
 
+/// The same where what is known suffices; 0: it does not.
+std::uint64_t CacheSpace::reserve_unseen(const FileLock& held, const std::string& part,
+                                         std::uint64_t reserved_bytes, std::uint64_t size_bytes) {
+  const auto now = std::chrono::steady_clock::now();
+  if (!known_ || known_->look != looks || held.last_holder() != std::to_string(::getpid()) ||
+      now - known_->seen > kLookAgain)
+    return 0;
+  // Of a pack that grows large in few steps.
+  const std::uint64_t size = size_bytes + std::min(size_bytes / 2, kLargestStep);
+  // The room beside counts for each file that is begun.
+  const std::uint64_t growth =
+      room_bytes(size) - room_bytes(reserved_bytes) + (reserved_bytes == 0 ? kBesideBytes : 0);
+  known_->total_bytes += growth;
+  known_->unwritten_bytes += growth + kUnwrittenBytes;
+  if (known_->total_bytes > limit_bytes_ ||
+      known_->unwritten_bytes > files_.free_bytes(layout_.folder()))
+    return 0;
+  try {
+    files_.resize(part, size);
+  } catch (const Error&) {
+    return 0;  // as where files may not be that long: a look asks for less
+  }
+  return size;
+}
+
 Evicted CacheSpace::evict(std::uint64_t most_bytes,
                           const std::function<bool(const CachedObject&)>& unwanted) {
   const auto held = lock();
+  ++looks;
   CacheScan scan = scan_cache(files_, layout_);
   return evict_locked(scan, most_bytes, unwanted);
 }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -89,7 +90,8 @@ struct Evicted {
 
 /// Keeps a cache's room on disk below a limit. There are no counters that could drift: a look at
 /// the files says what is taken, and a file that is being written has the length it reserved. A
-/// look and what follows from it happen under one lock for all processes. Thread-safe.
+/// look and what follows from it happen under one lock for all processes. What is added to what a
+/// look has just found, while nobody else has had the lock, needs no other. Thread-safe.
 class CacheSpace {
  public:
   /// `limit_bytes` 0: none. `stopped` is asked while waiting for the lock; may throw.
@@ -113,11 +115,22 @@ class CacheSpace {
   Evicted evict_locked(CacheScan& scan, std::uint64_t most_bytes,
                        const std::function<bool(const CachedObject&)>& unwanted);
   std::unique_ptr<FileLock> lock();
+  std::uint64_t reserve_unseen(const FileLock& held, const std::string& part,
+                               std::uint64_t reserved_bytes, std::uint64_t size_bytes);
+
+  /// What the files take at most, if nobody else has grown one since a look.
+  struct Known {
+    std::uint64_t total_bytes = 0;
+    std::uint64_t unwritten_bytes = 0;  ///< of these, what the disk may not have given yet
+    std::uint64_t look = 0;             ///< which of this process's, whatever folder it was at
+    std::chrono::steady_clock::time_point seen;
+  };
 
   FileSystem& files_;
   const CacheLayout layout_;
   const std::uint64_t limit_bytes_;
   const std::function<void()> stopped_;
+  std::optional<Known> known_;  ///< guarded by the lock
 };
 
 /// Removes what dead processes left half-built. What a living one has open stays.
