@@ -39,7 +39,7 @@ std::unique_ptr<job::JobContext> open_transfer(const TransferOptions& options,
 
 void make_targets(job::JobContext& job, TransferPlan& plan) {
   Source& source = plan.source();
-  source.build({kAfterReading, kAfterSource}, plan.least_target_texels());
+  source.build({kAfterReading, kAfterSource}, plan.detail());
   // From here on only stores are read, never the source's files.
   const double share = (1 - kAfterSource) / static_cast<double>(plan.targets());
   // Two rounds with --skip-existing: a target whose missing outputs are all in work elsewhere is

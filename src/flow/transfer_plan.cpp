@@ -139,10 +139,7 @@ void TransferPlan::plan_target_side(std::size_t t, planning::DiskPlan& disk) {
   }
   plan_one(t);
   const planning::TargetPlan& plan = target_.plan;
-  for (const planning::PassPlan& pass : source.passes) {
-    const std::uint64_t texels = std::uint64_t{pass.size.width} * pass.size.height;
-    least_target_texels_ = std::min(least_target_texels_, texels * plan.pages.size());
-  }
+  detail_.add(source, plan);
   disk.add_target(source, plan, target_.mesh, target_.model.has_value(), levels_bytes);
   if (target_.model) job_.warn(planning::own_colours_note(source, target_.mesh));
   source_->meet(plan, target_.mesh);

@@ -43,8 +43,7 @@ class TransferPlan {
   planning::OutputPolicy policy() const;
   Source& source() { return *source_; }
   bool anything_to_write() const { return anything_to_write_; }  ///< --skip-existing may leave none
-  /// Of the images of one channel of the target that has the fewest.
-  std::uint64_t least_target_texels() const { return least_target_texels_; }
+  const planning::TargetDetail& detail() const { return detail_; }  ///< of all targets
   std::size_t targets() const { return options_.targets.size(); }
   /// This target, planned again unless it is the only one. Stays until the next is asked for.
   PlannedTarget& target(std::size_t t);
@@ -77,7 +76,7 @@ class TransferPlan {
   std::vector<std::string> outputs_, inputs_;  ///< of all targets
   std::vector<planning::WorkUnit> units_;      ///< of all targets
   std::vector<std::size_t> first_unit_;        ///< by target
-  std::uint64_t least_target_texels_ = UINT64_MAX;
+  planning::TargetDetail detail_;
   bool anything_to_write_ = false;
 };
 

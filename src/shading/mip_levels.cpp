@@ -233,7 +233,70 @@ void mean_sample(Depth depth, const std::byte* from, std::size_t texel, const Le
   }
 }
 
+/// Four whole samples' sum over four, rounded to nearest, halves to even.
+template <class Sum>
+constexpr Sum mean_of_four(Sum sum) noexcept {
+  return static_cast<Sum>((sum + 1 + (sum >> 2 & 1)) >> 2);
+}
+
+/// `Sum` holds four samples. The upper and lower rows are added first, side by side.
+template <class Sample, class Sum, std::size_t kChannels>
+void mean_rows(const Sample* above, const Sample* below, std::size_t count, Sample* out) noexcept {
+  constexpr std::size_t kAtOnce = 64;
+  std::array<Sum, 2 * kAtOnce * kChannels> sums;
+  while (count > 0) {
+    const std::size_t texels = std::min(count, kAtOnce), samples = 2 * texels * kChannels;
+    for (std::size_t i = 0; i < samples; ++i)
+      sums[i] = static_cast<Sum>(static_cast<Sum>(above[i]) + below[i]);
+    for (std::size_t i = 0; i < texels; ++i) {
+      for (std::size_t c = 0; c < kChannels; ++c) {
+        const std::size_t left = 2 * i * kChannels + c;
+        out[i * kChannels + c] = static_cast<Sample>(
+            mean_of_four(static_cast<Sum>(sums[left] + sums[left + kChannels])));
+      }
+    }
+    above += samples;
+    below += samples;
+    out += texels * kChannels;
+    count -= texels;
+  }
+}
+
+template <class Sample, class Sum>
+void mean_rows(std::size_t channels, const std::byte* above, const std::byte* below,
+               std::size_t count, std::byte* out) noexcept {
+  const auto samples = [](auto* bytes) { return reinterpret_cast<const Sample*>(bytes); };
+  auto* const to = reinterpret_cast<Sample*>(out);
+  static_assert(store::kMostSamples == 5);
+  switch (channels) {
+    case 1:
+      return mean_rows<Sample, Sum, 1>(samples(above), samples(below), count, to);
+    case 2:
+      return mean_rows<Sample, Sum, 2>(samples(above), samples(below), count, to);
+    case 3:
+      return mean_rows<Sample, Sum, 3>(samples(above), samples(below), count, to);
+    case 4:
+      return mean_rows<Sample, Sum, 4>(samples(above), samples(below), count, to);
+    default:
+      return mean_rows<Sample, Sum, 5>(samples(above), samples(below), count, to);
+  }
+}
+
+bool is_integer(Depth depth) { return depth == Depth::u8 || depth == Depth::u16; }
+
 }  // namespace
+
+void mean_of_fours(const store::ColourDirectory& image, const std::byte* above,
+                   const std::byte* below, std::size_t count, std::byte* out) noexcept {
+  return image.depth == Depth::u8
+             ? mean_rows<std::uint8_t, std::uint16_t>(image.channels, above, below, count, out)
+             : mean_rows<std::uint16_t, std::uint32_t>(image.channels, above, below, count, out);
+}
+
+bool is_halved_evenly(const store::ColourDirectory& image, std::uint32_t level) {
+  const std::uint32_t multiple = 1U << level;
+  return is_integer(image.depth) && image.width % multiple == 0 && image.height % multiple == 0;
+}
 
 LevelAxis::LevelAxis(std::uint32_t tile, std::uint32_t size, mesh::Wrap wrap)
     : total(level_total(size)) {
@@ -257,6 +320,7 @@ void fill_level_tile(const store::ColourDirectory& image, const store::ColourTil
                      std::uint32_t tile_x, std::uint32_t tile_y, const LevelAxis& columns,
                      const LevelAxis& rows, std::span<std::byte> tile) {
   const std::size_t texel = image.texel_bytes(), sample = store::depth_bytes(image.depth);
+  const bool in_fours = is_integer(image.depth) && columns.total == 2 && rows.total == 2;
   for (std::size_t r = 0; r < rows.texels.size(); ++r) {
     const LevelAxis::Texel& row = rows.texels[r];
     if (!row.used || row.tile != tile_y) continue;
@@ -267,6 +331,18 @@ void fill_level_tile(const store::ColourDirectory& image, const store::ColourTil
           before.data() +
           (std::size_t{row.span.first} * kColourTileEdge + column.span.first) * texel;
       std::byte* const to = tile.data() + (r * kColourTileEdge + c) * texel;
+      if (in_fours) {
+        // All that lie side by side; where the image wraps another run begins.
+        std::size_t count = 1;
+        for (; c + count < columns.texels.size(); ++count) {
+          const LevelAxis::Texel& next = columns.texels[c + count];
+          if (!next.used || next.tile != tile_x || next.span.first != column.span.first + 2 * count)
+            break;
+        }
+        mean_of_fours(image, from, from + kColourTileEdge * texel, count, to);
+        c += count - 1;
+        continue;
+      }
       for (std::size_t channel = 0; channel < image.channels; ++channel) {
         mean_sample(image.depth, from + channel * sample, texel, columns, rows, column.span,
                     row.span, to + channel * sample);

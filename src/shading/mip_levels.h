@@ -58,6 +58,13 @@ std::uint32_t last_level(const store::ColourDirectory& image);
 /// What a level says of itself before it is made.
 store::ColourDirectory level_of(const store::ColourDirectory& image, std::uint32_t level);
 
+/// Of integer samples of the level before: the mean of two rows, two by two texels, `count` of
+/// them; what levels of images with even sides are made of.
+void mean_of_fours(const store::ColourDirectory& image, const std::byte* above,
+                   const std::byte* below, std::size_t count, std::byte* out) noexcept;
+/// Are those the texels of every level up to this one?
+bool is_halved_evenly(const store::ColourDirectory& image, std::uint32_t level);
+
 /// How the texels of a level's row (or column) come from those of the level before: texel i is the
 /// mean of `count` texels from `first` on, weighted.
 struct LevelSpan {

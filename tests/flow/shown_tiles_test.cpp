@@ -9,6 +9,7 @@
 #include <random>
 #include <string_view>
 
+#include "io/image/write.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
 #include "support/mesh_files.h"
@@ -20,9 +21,9 @@ namespace {
 
 constexpr int kCells = 24;
 
-/// A wavy sheet over the unit square; its UVs are `at` + `size` * plan, and bent where asked for:
-/// then most of the sheet has little of the image.
-mesh::Mesh sheet(Vec2f at, float size, bool bent = false) {
+/// A wavy sheet over the unit square; its UVs are `at` + `size` * plan, across to the power of
+/// `bend`: of a high one, most of the sheet has little of the image.
+mesh::Mesh sheet(Vec2f at, float size, float bend = 1) {
   mesh::Mesh mesh;
   mesh.uv_sets.emplace_back();
   mesh.uv_present.emplace_back();
@@ -31,7 +32,7 @@ mesh::Mesh sheet(Vec2f at, float size, bool bent = false) {
       const float u = static_cast<float>(i) / kCells, v = static_cast<float>(j) / kCells;
       mesh.positions.push_back({u, v, 0.05F * std::sin(5 * u) * std::cos(4 * v)});
       mesh.normals.push_back({0, 0, 1});
-      const float across = bent ? u * u * u * u : u;
+      const float across = std::pow(u, bend);
       mesh.uv_sets[0].push_back({at.x + size * across, at.y + size * v});
     }
   }
@@ -49,12 +50,14 @@ struct Scene {
   TempFolder folder;
   TransferOptions options;
 
-  Scene(const mesh::Mesh& source, const mesh::Mesh& target, std::uint32_t size) {
+  Scene(const mesh::Mesh& source, const mesh::Mesh& target, std::uint32_t size, bool deep = false) {
     std::mt19937 random(3);
-    WholeImage image{900, 700, 3, false, {}};
-    for (std::size_t i = 0; i < std::size_t{900} * 700 * 3; ++i)
-      image.samples.push_back(static_cast<double>(random() % 256) / 255);
-    write_whole_image(folder.file("skin.png"), image);
+    io::ImageWriter writer(folder.file("skin.png"),
+                           {900, 700, 3, deep ? Depth::u16 : Depth::u8, false, false});
+    std::vector<std::byte> samples(std::size_t{900} * 700 * 3 * (deep ? 2 : 1));
+    for (std::byte& byte : samples) byte = static_cast<std::byte>(random() % 256);
+    writer.write_rows(700, samples.data());
+    writer.commit();
     write_glb(folder.file("source.glb"), source);
     write_glb(folder.file("target.glb"), target);
     options.source = folder.file("source.glb");
@@ -103,7 +106,7 @@ TEST_CASE("tiles that no triangle shows are not stored, and nothing changes") {
 
 TEST_CASE("an image is made whole where levels of it, or tiles beyond, are asked for") {
   const unsigned threads = GENERATE(1U, 3U);
-  Scene scene(sheet({0.3F, 0.3F}, 0.25F), sheet({0.01F, 0.01F}, 0.98F, true), 220);
+  Scene scene(sheet({0.3F, 0.3F}, 0.25F), sheet({0.01F, 0.01F}, 0.98F, 4), 220);
   scene.options.resources.threads = threads;
   const auto some = scene.run();
   CHECK(some.report.images_decoded == 2);  // once for the tiles, once for all of it
@@ -123,6 +126,40 @@ TEST_CASE("targets that see the source from afar keep all of its images") {
   Scene scene(sheet({0.3F, 0.3F}, 0.3F), sheet({0.01F, 0.01F}, 0.98F), 40);
   scene.options.resources.threads = 1;
   CHECK(scene.run().report.images_decoded == 1);
+}
+
+TEST_CASE("of an image that is seen from afar a level is stored, and nothing changes") {
+  const bool deep = GENERATE(false, true);
+  const unsigned threads = GENERATE(1U, 3U);
+  CAPTURE(deep, threads);
+  const mesh::Mesh sheet_in_all = sheet({-0.2F, 0.03F}, 0.97F);  // over the left border
+  Scene scene(sheet_in_all, sheet({0.01F, 0.01F}, 0.98F), 40, deep);
+  scene.options.resources.threads = threads;
+  const auto level = scene.run();
+  CHECK(level.report.images_decoded == 1);
+  const auto whole = scene.run_whole();
+  CHECK(whole.report.images_decoded == 1);
+  CHECK((level.bytes == whole.bytes));
+  CHECK(2 * level.report.source_store_bytes < whole.report.source_store_bytes);
+  // The level is in the cache, too.
+  scene.options.resources.use_cache = true;
+  scene.options.resources.cache_dir = scene.folder.file("cache");
+  CHECK((scene.run().bytes == whole.bytes));
+  scene.options.image.padding_px = 3;  // another image, or it would be there already
+  const auto warm = scene.run();
+  CHECK(warm.report.images_decoded == 0);
+}
+
+TEST_CASE("where a target sees an image closer than on average, all of it is made") {
+  const unsigned threads = GENERATE(1U, 3U);
+  // At its right border the target has seven times as many texels across as elsewhere.
+  Scene scene(sheet({0.01F, 0.01F}, 0.98F), sheet({0.01F, 0.01F}, 0.98F, 8), 64);
+  scene.options.resources.threads = threads;
+  const auto level = scene.run();
+  CHECK(level.report.images_decoded == 2);
+  const auto whole = scene.run_whole();
+  CHECK(whole.report.images_decoded == 1);
+  CHECK((level.bytes == whole.bytes));
 }
 
 TEST_CASE("rows after the last that is shown are not decoded") {

@@ -234,5 +234,50 @@ TEST_CASE("a scratch store reports every failing file call", "[format]") {
   }
 }
 
+/// Counts nameless files.
+class ScratchCounting final : public FailingFileSystem {
+ public:
+  ScratchCounting() : FailingFileSystem(posix_file_system()) {}
+  std::unique_ptr<WriteFile> create_scratch(const std::string& folder) override {
+    ++made;
+    return FailingFileSystem::create_scratch(folder);
+  }
+  int made = 0;
+};
+
+TEST_CASE("small scratch packs of images lie in one file", "[format]") {
+  ScratchCounting files;
+  const test::TempFolder folder;
+  const auto store = StoreFolder::make_scratch(files, folder.path().string());
+  std::vector<std::unique_ptr<PackReader>> packs;
+  const auto make = [&](std::uint64_t key, std::size_t bytes) {
+    auto writer = store->create(PackKind::colour, {0, key});
+    const auto seed = static_cast<std::uint32_t>(key);
+    const ChunkRef block = writer->append(ChunkKind::block, random_bytes(bytes, seed), 100'000);
+    writer->finish(writer->append(ChunkKind::directory, random_bytes(20, seed), 20));
+    packs.push_back(store->publish(std::move(writer)));
+    return block;
+  };
+  const auto is_whole = [](const PackReader& pack, const ChunkRef& block, std::size_t bytes,
+                           std::uint32_t seed) {
+    std::vector<std::byte> stored;
+    pack.read(block, ChunkKind::block, stored);
+    return pack.verify() == 2 && stored == random_bytes(bytes, seed);
+  };
+  std::vector<ChunkRef> blocks;
+  // Those of 70,000 bytes are too large for it.
+  for (std::uint64_t key = 0; key < 40; ++key)
+    blocks.push_back(make(key, key % 10 == 9 ? 70'000 : 100 + 300 * key));
+  for (std::uint64_t key = 0; key < 40; ++key) {
+    const std::size_t bytes = key % 10 == 9 ? 70'000 : 100 + 300 * key;
+    const auto seed = static_cast<std::uint32_t>(key);
+    CHECK(is_whole(*packs[key], blocks[key], bytes, seed));
+    const auto again = store->find(PackKind::colour, {0, key}, nullptr);
+    REQUIRE(again);
+    CHECK(is_whole(*again, blocks[key], bytes, seed));
+  }
+  CHECK(files.made == 5);  // one, and four of their own
+}
+
 }  // namespace
 }  // namespace pounce::store

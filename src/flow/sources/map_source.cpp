@@ -50,7 +50,7 @@ std::uint64_t MapSource::project_least_bytes(std::size_t pass) const {
                   known_least_bytes(result_texel_bytes(pass), colour_tile_bytes(plan_)));
 }
 
-void MapSource::build(ProgressRange range, std::uint64_t) {
+void MapSource::build(ProgressRange range, const planning::TargetDetail&) {
   const StageTimer timer(job_.clock, "precondition");
   columns_ = build_columns(job_, plan_, {}, range.end);
   if (columns_.all_cached) job_.clock.set_cached("precondition");

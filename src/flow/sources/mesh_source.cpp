@@ -151,11 +151,11 @@ std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
       result_texel_bytes(pass), colour_tile_bytes(plan_), p.has_shape || p.has_map);
 }
 
-void SurfaceSource::build(ProgressRange range, std::uint64_t target_texels) {
+void SurfaceSource::build(ProgressRange range, const planning::TargetDetail& targets) {
   job_.report.isa = kernels_->isa;
   {
     const StageTimer timer(job_.clock, "precondition");
-    columns_ = build_columns(job_, plan_, tiles_shown(job_, plan_, little_shown_, target_texels),
+    columns_ = build_columns(job_, plan_, stored_parts(job_, plan_, little_shown_, targets),
                              (range.begin + range.end) / 2);
     all_cached_ = columns_.all_cached;
   }
@@ -327,7 +327,7 @@ std::uint64_t TexelsSource::project_least_bytes(std::size_t pass) const {
   return project_gaussians_least_bytes(result_texel_bytes(pass));
 }
 
-void TexelsSource::build(ProgressRange range, std::uint64_t) {
+void TexelsSource::build(ProgressRange range, const planning::TargetDetail&) {
   const StageTimer timer(job_.clock, "precondition");
   job_.report.isa = kernels_->isa;
   const job::ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from

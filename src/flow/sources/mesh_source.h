@@ -62,7 +62,7 @@ class SurfaceSource final : public MeshSource {
                 const job::TestKnobs& knobs);
 
   std::uint64_t project_least_bytes(std::size_t pass) const override;
-  void build(ProgressRange range, std::uint64_t target_texels) override;
+  void build(ProgressRange range, const planning::TargetDetail& targets) override;
   std::uint64_t bytes_read(std::size_t pass) const override;
   Box3f box() const override;
   std::uint64_t tiles_read() const override;
@@ -85,7 +85,7 @@ class SurfaceSource final : public MeshSource {
   const NormalY source_y_, output_y_;  ///< of normal maps
   const projection::Kernels* kernels_;
   const projection::BlendLanes* lanes_;
-  WantedTiles little_shown_;  ///< of the plan's columns
+  planning::WantedTiles little_shown_;  ///< of the plan's columns
   SourceColumns columns_;
   std::vector<std::unique_ptr<SurfaceCache>> geometry_;  ///< by pass
   std::vector<float> layer_gaps_;
@@ -103,7 +103,7 @@ class TexelsSource final : public MeshSource {
                const job::TestKnobs& knobs);
 
   std::uint64_t project_least_bytes(std::size_t pass) const override;
-  void build(ProgressRange range, std::uint64_t target_texels) override;
+  void build(ProgressRange range, const planning::TargetDetail& targets) override;
   std::uint64_t bytes_read(std::size_t) const override {
     return splats_->store().pack().bytes_read();
   }

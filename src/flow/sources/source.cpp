@@ -57,6 +57,10 @@ std::unique_ptr<Source> open_source(job::JobContext& job, const TransferOptions&
 //
 // Three kinds of images are kept whole from the start: those of few tiles, those of UDIM sets, and
 // all of a job whose targets see many source texels at once and would need levels anyway.
+//
+// Of an image that is seen from so far that hardly anybody looks at itself, a level is stored in
+// its place, in the making of which no more than a strip is ever there. The guess is as safe: who
+// asks for a finer level has the image built as a whole.
 
 std::vector<PageColour> SourceColumns::pages_of(const planning::ChannelPlan& channel,
                                                 const std::vector<mesh::Lattice>& lattices) const {
@@ -76,12 +80,14 @@ std::vector<PageColour> SourceColumns::pages_of(const planning::ChannelPlan& cha
 
 std::uint64_t SourceColumns::bytes_read() const {
   std::uint64_t bytes = 0;
-  for (const auto& column : columns) bytes += column->store().pack().bytes_read();
+  for (const auto& column : columns) {
+    if (column->store().has_pack()) bytes += column->store().pack().bytes_read();
+  }
   return bytes;
 }
 
 ColourRequest request_of(const planning::ColumnPlan& column) {
-  return {&column.image, &column.info, column.wrap_u, column.wrap_v, nullptr, column.trust};
+  return {&column.image, &column.info, column.wrap_u, column.wrap_v, nullptr, column.trust, 0};
 }
 
 std::vector<job::LeastMemory> column_needs(const planning::SourcePlan& plan) {
@@ -100,31 +106,61 @@ std::uint64_t colour_tile_bytes(const planning::SourcePlan& plan) {
   return tile;
 }
 
-WantedTiles tiles_shown(const job::JobContext& job, const planning::SourcePlan& plan,
-                        WantedTiles wanted, std::uint64_t target_texels) {
-  if (planning::is_seen_from_afar(plan, target_texels)) return {};
-  for (std::size_t c = 0; c < wanted.size(); ++c) {
+StoredParts stored_parts(const job::JobContext& job, const planning::SourcePlan& plan,
+                         const planning::WantedTiles& shown,
+                         const planning::TargetDetail& targets) {
+  StoredParts parts{{}, planning::seen_levels(plan, targets)};
+  if (!planning::is_seen_from_afar(plan, targets)) parts.tiles = shown;
+  for (std::size_t c = 0; c < plan.columns.size(); ++c) {
     // Building it later needs a lease beside the projection's. Where the budget has no space for
     // that, it is built whole now, when nothing else runs.
     const std::uint64_t later = colour_least_bytes(request_of(plan.columns[c]));
-    if (job.report.least_memory_bytes + later > job.budget.limit()) wanted[c] = nullptr;
+    const bool has_space = job.report.least_memory_bytes + later <= job.budget.limit();
+    if (!has_space) parts.levels[c] = 0;
+    if (c < parts.tiles.size() && (!has_space || parts.levels[c] > 0)) parts.tiles[c] = nullptr;
   }
-  return wanted;
+  return parts;
 }
 
+namespace {
+
+/// What reads an image of which `store` has a level, some tiles or all.
+std::unique_ptr<ColourCache> column_cache(job::JobContext& job, const ColourRequest& request,
+                                          const Hash128& whole_key,
+                                          std::unique_ptr<store::ColourStore> store,
+                                          ColourLevels& levels) {
+  std::shared_ptr<WholeColumn> whole;
+  if (request.wanted != nullptr || request.level > 0)
+    whole = std::make_shared<WholeColumn>(job, request, whole_key);
+  std::unique_ptr<store::ColourStore> level;
+  if (request.level > 0) {
+    level = std::move(store);
+    store = std::make_unique<store::ColourStore>(image_directory(request));
+  }
+  auto cache =
+      std::make_unique<ColourCache>(job.budget, ColourReader{&job, std::move(store), whole});
+  levels.add(*cache, whole_key);
+  if (level != nullptr) levels.add_made(*cache, request.level, std::move(level));
+  return cache;
+}
+
+}  // namespace
+
 SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& plan,
-                            const WantedTiles& wanted, double progress_end) {
+                            const StoredParts& parts, double progress_end) {
   SourceColumns made;
   made.levels = std::make_unique<ColourLevels>(job);
   std::uint64_t rows = 0, later_bytes = 0;
   std::vector<ColourRequest> requests;
   std::vector<Hash128> keys, whole_keys;
   for (std::size_t c = 0; c < plan.columns.size(); ++c) {
-    rows += (plan.columns[c].info.height + 63) / 64;
     requests.push_back(request_of(plan.columns[c]));
-    if (c < wanted.size()) requests.back().wanted = wanted[c];
-    if (requests.back().wanted != nullptr)
-      later_bytes = std::max(later_bytes, colour_least_bytes(requests.back()));
+    ColourRequest& request = requests.back();
+    if (c < parts.tiles.size()) request.wanted = parts.tiles[c];
+    if (c < parts.levels.size()) request.level = parts.levels[c];
+    rows += ((plan.columns[c].info.height >> request.level) + 63) / 64;
+    if (request.wanted != nullptr || request.level > 0)
+      later_bytes = std::max(later_bytes, colour_least_bytes(request));
   }
   // One lease for all of them: columns are completed one at a time, under JobContext::making.
   made.whole_lease = runtime::Lease(job.budget, later_bytes, "images that are read as a whole");
@@ -132,22 +168,17 @@ SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& pl
   // A column of some tiles has a key of its own. Levels belong to the whole image, whatever is kept
   // of it, so they follow the whole one's key.
   for (const ColourRequest& request : requests) {
-    whole_keys.push_back(colour_key(job, request));
-    keys.push_back(request.wanted == nullptr ? whole_keys.back()
-                                             : some_tiles_key(whole_keys.back(), *request.wanted));
+    const Hash128& whole = whole_keys.emplace_back(colour_key(job, request));
+    keys.push_back(request.level > 0           ? level_key(whole, request.level)
+                   : request.wanted != nullptr ? some_tiles_key(whole, *request.wanted)
+                                               : whole);
   }
   auto found = colour_stores(job, requests, keys);
   for (std::size_t c = 0; c < plan.columns.size(); ++c) {
     const planning::ColumnPlan& column = plan.columns[c];
     const bool cached = found[c].cached;
     made.all_cached = made.all_cached && cached;
-    auto whole = requests[c].wanted == nullptr
-                     ? nullptr
-                     : std::make_shared<WholeColumn>(job, requests[c], whole_keys[c]);
-    made.columns.push_back(std::make_unique<ColourCache>(
-        job.budget, ColourReader{&job, std::move(found[c].store), std::move(whole)}));
-    made.levels->add(*made.columns.back(), whole_keys[c]);
-    const store::ColourStore& store = made.columns.back()->store();
+    const store::ColourStore& store = *found[c].store;
     const std::uint64_t nonfinite = store.directory().nonfinite;
     if (nonfinite > 0) {
       job.report.source_filtered["nonfinite samples"] += nonfinite;
@@ -156,6 +187,8 @@ SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& pl
     }
     job.count_store(store.pack(), cached);
     job.report.source_store_bytes += store.pack().size_bytes();
+    made.columns.push_back(
+        column_cache(job, requests[c], whole_keys[c], std::move(found[c].store), *made.levels));
   }
   for (const planning::TileSetPlan& set : plan.tile_sets) {
     made.tile_sets.emplace_back();

@@ -23,7 +23,7 @@
 #include "job/test_knobs.h"
 #include "planning/disk.h"
 #include "planning/plan.h"
-#include "planning/source_images.h"
+#include "planning/seen_images.h"
 #include "projection/splat_fit.h"
 #include "store/blocks/geometry_store.h"
 #include "surface/strewn_places.h"
@@ -68,10 +68,9 @@ class Source {
 
   // --- stores ------------------------------------------------------------------------------------
 
-  /// Builds the stores or finds them in the cache. `target_texels`: of the target that has the
-  /// fewest. What planning held is gone afterwards: from here on the stores are read, never the
-  /// inputs.
-  virtual void build(ProgressRange range, std::uint64_t target_texels) = 0;
+  /// Builds the stores or finds them in the cache. `targets`: all of the job. What planning held is
+  /// gone afterwards: from here on the stores are read, never the inputs.
+  virtual void build(ProgressRange range, const planning::TargetDetail& targets) = 0;
   /// What a pass has read of the store that it reads most, so far.
   virtual std::uint64_t bytes_read(std::size_t pass) const = 0;
   virtual Box3f box() const = 0;  ///< where it lies
@@ -160,16 +159,20 @@ ColourRequest request_of(const planning::ColumnPlan& column);
 std::vector<job::LeastMemory> column_needs(const planning::SourcePlan& plan);
 std::uint64_t colour_tile_bytes(const planning::SourcePlan& plan);
 
-using planning::WantedTiles;
-/// Of the tiles that planning::little_shown() names, `wanted`, those that a job keeps: all of every
-/// image where targets of so many texels see it from too far for tiles alone (levels are made of
-/// all), and where the budget has no space for building an image later.
-WantedTiles tiles_shown(const job::JobContext& job, const planning::SourcePlan& plan,
-                        WantedTiles wanted, std::uint64_t target_texels);
+/// What is stored of a plan's columns at first. The rest is made when a lookup asks for it.
+struct StoredParts {
+  planning::WantedTiles tiles;
+  std::vector<std::uint32_t> levels;  ///< not 0: that level in place of the image
+};
+/// `shown`: what planning::little_shown() names. All of every image where targets see it from too
+/// far for tiles alone and not far enough for a level alone, and where the budget has no space for
+/// building an image later.
+StoredParts stored_parts(const job::JobContext& job, const planning::SourcePlan& plan,
+                         const planning::WantedTiles& shown, const planning::TargetDetail& targets);
 
 /// Builds the columns of a plan or finds them in the cache; takes job.meter through a stage whose
 /// end is `progress_end`, and counts what was done in job.report.
 SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& plan,
-                            const WantedTiles& wanted, double progress_end);
+                            const StoredParts& parts, double progress_end);
 
 }  // namespace pounce::flow

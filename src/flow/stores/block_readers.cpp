@@ -22,8 +22,11 @@ namespace {
 /// Of a request for some tiles, that for all.
 ColourRequest all_of(ColourRequest request) {
   request.wanted = nullptr;
+  request.level = 0;
   return request;
 }
+
+constexpr std::uint64_t kFewTiles = 16;
 
 }  // namespace
 
@@ -69,50 +72,58 @@ const store::ColourStore& WholeColumn::made() {
 // the tiles), starts no parallel work, whose waiting thread might pick up a piece that wants this
 // lock, and its memory is a few tiles (docs/decisions/033-footprints.md).
 //
-// A level is a column like any other, with a key of its own in the cache.
+// A level is a column like any other; one of more than a few tiles has a key of its own in the
+// cache.
 
 void ColourLevels::add(const ColourCache& column, const Hash128& key) {
   Levels& levels = images_[&column];
   levels.key = key;
-  levels.made.resize(shading::last_level(column.store().directory()));
+  levels.made = std::vector<Level>(shading::last_level(column.store().directory()));
+}
+
+void ColourLevels::add_made(const ColourCache& column, std::uint32_t level,
+                            std::unique_ptr<store::ColourStore> store) {
+  Level& made = images_.at(&column).made.at(level - 1);
+  made.cache =
+      std::make_unique<ColourCache>(job_.budget, ColourReader{&job_, std::move(store), nullptr});
+  made.ready.store(made.cache.get(), std::memory_order_release);
 }
 
 const ColourCache& ColourLevels::get(const ColourCache& column, std::uint32_t level) {
   Levels& levels = images_.at(&column);
-  // Without the lock once the level exists: `made` never grows, and the count is published after
-  // the level that it counts.
-  if (levels.count.load(std::memory_order_acquire) < level) {
-    const std::lock_guard lock(job_.making);
-    for (std::uint32_t made = levels.count.load(); made < level; ++made) {
-      // Each from the one before. The lock is recursive: reading a tile of the image may build the
-      // whole image, which takes it again.
-      levels.made[made] = make(made == 0 ? column : *levels.made[made - 1], levels.key, made + 1);
-      levels.count.store(made + 1, std::memory_order_release);
-    }
-  }
-  return *levels.made[level - 1];
+  Level& wanted = levels.made[level - 1];
+  // Without the lock once the level exists: `made` never grows.
+  if (const ColourCache* const ready = wanted.ready.load(std::memory_order_acquire)) return *ready;
+  const std::lock_guard lock(job_.making);
+  if (wanted.cache != nullptr) return *wanted.cache;
+  // From the one before. The lock is recursive: that may have to be made, too, and reading a tile
+  // of the image may build the whole image.
+  wanted.cache = make(level == 1 ? column : get(column, level - 1), levels.key, level);
+  wanted.ready.store(wanted.cache.get(), std::memory_order_release);
+  return *wanted.cache;
 }
 
 std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const Hash128& image_key,
                                                 std::uint32_t level) {
   const store::ColourDirectory& source = before.store().directory();
   const store::ColourDirectory image = shading::level_of(source, 1);
-  Hasher hash;
-  hash.add(std::string_view("colour level"));
-  hash.add(store::kFormatVersion);
-  hash.add(image_key);
-  hash.add(level);
-  const Hash128 key = hash.digest();
-  auto found =
-      find_store(job_, store::PackKind::colour, key, [&](std::unique_ptr<store::PackReader> pack) {
-        return std::make_unique<store::ColourStore>(std::move(pack), image, job_.compressor());
-      });
+  const Hash128 key = level_key(image_key, level);
+  // Of a few tiles, making them again costs less than a file.
+  const bool is_small = image.tiles_x() * image.tiles_y() <= kFewTiles;
+  store::StoreFolder& stores = is_small ? *job_.scratch : *job_.stores;
+  std::unique_ptr<store::ColourStore> found;
+  if (!is_small) {
+    found = find_store(
+        job_, store::PackKind::colour, key, [&](std::unique_ptr<store::PackReader> pack) {
+          return std::make_unique<store::ColourStore>(std::move(pack), image, job_.compressor());
+        });
+  }
   const bool cached = found != nullptr;
   if (!cached) {
     store::ColourStoreWriter writer(
-        job_.stores->create(store::PackKind::colour, key,
-                            fmt::format("level {}, {} x {}, {} x {}", level, image.width,
-                                        image.height, image.channels, depth_name(image.depth))),
+        stores.create(store::PackKind::colour, key,
+                      fmt::format("level {}, {} x {}, {} x {}", level, image.width, image.height,
+                                  image.channels, depth_name(image.depth))),
         image.tiles_y());
     std::vector<std::byte> tile(std::size_t{store::kColourTileEdge} * store::kColourTileEdge *
                                 image.texel_bytes());
@@ -138,7 +149,7 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
       job_.meter.advance(0);  // stops here if the caller asked to
     }
     found = std::make_unique<store::ColourStore>(
-        job_.stores->publish(writer.finish(image, job_.compressor())), image, job_.compressor());
+        stores.publish(writer.finish(image, job_.compressor())), image, job_.compressor());
   }
   job_.count_store(found->pack(), cached);
   job_.report.source_store_bytes += found->pack().size_bytes();

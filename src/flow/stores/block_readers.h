@@ -140,6 +140,9 @@ class ColourLevels {
   /// `column` is an image's own, `key` that of all of it; it must outlive this. Before any other
   /// use.
   void add(const ColourCache& column, const Hash128& key);
+  /// The same image's `level` is there already. Before any other use, too.
+  void add_made(const ColourCache& column, std::uint32_t level,
+                std::unique_ptr<store::ColourStore> store);
 
   /// Level 1 or above of an image. Whoever asks first makes it; the others wait. Needs making_bytes
   /// of memory under the caller's lease. Throws as building a store does.
@@ -147,10 +150,13 @@ class ColourLevels {
   static std::uint64_t making_bytes(std::uint64_t tile_bytes) { return 6 * tile_bytes; }
 
  private:
+  struct Level {
+    std::unique_ptr<ColourCache> cache;
+    std::atomic<const ColourCache*> ready{nullptr};  ///< the same, for whoever has no lock
+  };
   struct Levels {
     Hash128 key;
-    std::vector<std::unique_ptr<ColourCache>> made;  ///< from level 1 on; never grows
-    std::atomic<std::uint32_t> count{0};             ///< of those that are there
+    std::vector<Level> made;  ///< from level 1 on; never grows
   };
   std::unique_ptr<ColourCache> make(const ColourCache& before, const Hash128& key,
                                     std::uint32_t level);

@@ -71,10 +71,16 @@ struct ColourRequest {
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
   std::shared_ptr<const mesh::TileMask> wanted;  ///< the tiles that are kept; null: all
   const ImageTrust& trust;
+  /// Not the image: this level of it, all tiles. One that is_halved_evenly().
+  std::uint32_t level = 0;
 };
+/// What the image's column says of itself before its samples are read.
+store::ColourDirectory image_directory(const ColourRequest& request);
 /// Key of a whole column: content of the image, wrap modes. Reads the image where nobody remembers
 /// its content.
 Hash128 colour_key(job::JobContext& job, const ColourRequest& request);
+/// Key of a level of the image whose whole column has that key.
+Hash128 level_key(const Hash128& whole, std::uint32_t level);
 /// Key of a column that has only these tiles of the whole one.
 Hash128 some_tiles_key(const Hash128& whole, const mesh::TileMask& wanted);
 

@@ -9,6 +9,9 @@
 // Of an image of which the mesh shows little, the tiles that it shows are all that is kept, and
 // rows after the last of them are not even decoded. Small images are built side by side.
 //
+// Of an image that is seen from afar a smaller level is all that is kept: rows are averaged two by
+// two as they come (shading/mip_levels.h), and the image itself is never stored.
+//
 // Memory is that of a few strips and the decoder, whatever the image's height. A strip overlaps the
 // next one by the aprons of both; these rows are copied, since a decoder goes forward only. The
 // strip at the top is kept to the end: a repeating image needs its first rows below its last ones,
@@ -32,6 +35,8 @@
 #include "flow/stores/build_stores.h"
 #include "io/files/asset_file.h"
 #include "io/image/read.h"
+#include "planning/seen_images.h"
+#include "shading/mip_levels.h"
 
 namespace pounce::flow {
 namespace {
@@ -64,20 +69,48 @@ struct Slot {
 };
 
 /// What a column says of itself before its image is read.
-store::ColourDirectory column_of(const io::ImageInfo& info, const ColourRequest& request) {
-  store::ColourDirectory column;
-  column.width = info.width;
-  column.height = info.height;
-  column.channels = info.channels;
-  column.depth = info.depth;
-  column.linear = info.linear;
-  column.has_alpha = info.has_alpha;
-  // Float colours stay as the file has them, so that they can be written so again bit by bit.
-  column.premultiplied = info.premultiplied && info.linear;
-  column.wrap_u = request.wrap_u;
-  column.wrap_v = request.wrap_v;
-  return column;
+store::ColourDirectory column_of(const ColourRequest& request) {
+  return shading::level_of(image_directory(request), request.level);
 }
+
+/// Rows of a level of an image, made while the image's own go by.
+class LevelRows {
+ public:
+  LevelRows(io::ImageReader& reader, const store::ColourDirectory& image, std::uint32_t level)
+      : reader_(reader), image_(image), level_(level), row_bytes_(reader.row_bytes()) {
+    if (level_ > 0) strip_.resize(row_bytes_ * kRows);
+  }
+  /// Of rows of the level.
+  void read(std::uint32_t count, std::byte* to) {
+    if (level_ == 0) return reader_.read_rows(count, to);
+    while (count > 0) {
+      const std::uint32_t rows = std::min(count, kRows >> level_);
+      reader_.read_rows(rows << level_, strip_.data());
+      // Each level takes the place of the one before, from its first row on.
+      std::size_t row_bytes = row_bytes_;
+      for (std::uint32_t level = 1; level <= level_; ++level, row_bytes /= 2) {
+        const std::size_t texels = row_bytes / 2 / image_.texel_bytes();
+        for (std::size_t y = 0; y < rows << (level_ - level); ++y) {
+          const std::byte* const above = strip_.data() + 2 * y * row_bytes;
+          shading::mean_of_fours(image_, above, above + row_bytes, texels,
+                                 strip_.data() + y * row_bytes / 2);
+        }
+      }
+      std::memcpy(to, strip_.data(), rows * row_bytes);
+      to += rows * row_bytes;
+      count -= rows;
+    }
+  }
+
+ private:
+  static constexpr std::uint32_t kRows = 1U << planning::kMostSeenLevel;  ///< of the image, at once
+
+  io::ImageReader& reader_;
+  const store::ColourDirectory& image_;
+  const std::uint32_t level_;
+  const std::size_t row_bytes_;  ///< of the image
+  PageVector<std::byte> strip_;
+};
 
 class ColumnBuilder {
  public:
@@ -89,16 +122,17 @@ class ColumnBuilder {
         wanted_(request.wanted.get()),
         lease_(std::move(lease)) {
     const io::ImageInfo& info = reader_.info();
-    image_ = column_of(info, request);
+    image_ = column_of(request);
     if (image_.premultiplied) reader_.keep_premultiplied();
-    row_bytes_ = reader_.row_bytes();
+    row_bytes_ = image_.width * image_.texel_bytes();
+    rows_ = std::make_unique<LevelRows>(reader_, image_, request.level);
     end_row_ = rows_to_read();
     writer_ = std::make_unique<store::ColourStoreWriter>(
         job.stores->create(
             store::PackKind::colour, key,
             fmt::format("{}, {} x {}, {} x {}",
-                        std::filesystem::path(request.image->label).filename().string(), info.width,
-                        info.height, info.channels, depth_name(info.depth))),
+                        std::filesystem::path(request.image->label).filename().string(),
+                        image_.width, image_.height, info.channels, depth_name(info.depth))),
         image_.tiles_y());
   }
 
@@ -186,7 +220,7 @@ class ColumnBuilder {
     std::byte* const at = strip->rows.data() + static_cast<std::size_t>(have) * row_bytes_;
     if (fresh > 0) {
       const WorkTimer decoding(job_.clock, "decode");
-      reader_.read_rows(fresh, at);
+      rows_->read(fresh, at);
     }
     if (fresh > 0) {
       clean(at, std::size_t{fresh} * image_.width * image_.channels);
@@ -292,14 +326,31 @@ class ColumnBuilder {
   io::ImageReader reader_;
   const mesh::TileMask* wanted_;  ///< null: every tile
   runtime::Lease lease_;
-  store::ColourDirectory image_;
+  store::ColourDirectory image_;  ///< or the level that is built
   std::size_t row_bytes_ = 0;
+  std::unique_ptr<LevelRows> rows_;
   std::unique_ptr<store::ColourStoreWriter> writer_;
   std::uint32_t next_row_ = 0, end_row_ = 0, rows_passed_ = 0;
   StripPtr top_, previous_;
 };
 
 }  // namespace
+
+store::ColourDirectory image_directory(const ColourRequest& request) {
+  const io::ImageInfo& info = *request.info;
+  store::ColourDirectory image;
+  image.width = info.width;
+  image.height = info.height;
+  image.channels = info.channels;
+  image.depth = info.depth;
+  image.linear = info.linear;
+  image.has_alpha = info.has_alpha;
+  // Float colours stay as the file has them, so that they can be written so again bit by bit.
+  image.premultiplied = info.premultiplied && info.linear;
+  image.wrap_u = request.wrap_u;
+  image.wrap_v = request.wrap_v;
+  return image;
+}
 
 std::uint64_t colour_least_bytes(std::uint32_t width, std::uint64_t texel_bytes,
                                  std::uint64_t decoder_bytes) {
@@ -332,6 +383,15 @@ Hash128 colour_key(job::JobContext& job, const ColourRequest& request) {
   return hash.digest();
 }
 
+Hash128 level_key(const Hash128& whole, std::uint32_t level) {
+  Hasher hash;
+  hash.add(std::string_view("colour level"));
+  hash.add(store::kFormatVersion);
+  hash.add(whole);
+  hash.add(level);
+  return hash.digest();
+}
+
 Hash128 some_tiles_key(const Hash128& whole, const mesh::TileMask& wanted) {
   Hasher hash;
   hash.add(std::string_view("some tiles of a colour column"));
@@ -353,8 +413,7 @@ std::unique_ptr<store::ColourStore> find_colours(job::JobContext& job, const Col
                                                  const Hash128& key) {
   return find_store(
       job, store::PackKind::colour, key, [&](std::unique_ptr<store::PackReader> pack) {
-        return std::make_unique<store::ColourStore>(std::move(pack),
-                                                    column_of(*request.info, request),
+        return std::make_unique<store::ColourStore>(std::move(pack), column_of(request),
                                                     job.compressor(), request.wanted != nullptr);
       });
 }

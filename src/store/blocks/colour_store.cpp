@@ -170,7 +170,14 @@ ColourStore::ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory
   }
 }
 
+ColourStore::ColourStore(const ColourDirectory& image) : directory_(image), leaves_out_(true) {
+  // Places that no chunk has, each of its own: whoever keeps what was read goes by them.
+  for (std::uint64_t y = 0; y < image.tiles_y(); ++y)
+    directory_.row_pages.push_back({y * sizeof(std::uint64_t), 0, 0});
+}
+
 std::vector<ChunkRef> ColourStore::read_row(std::uint32_t tile_row, Compressor& compressor) const {
+  if (pack_ == nullptr) return std::vector<ChunkRef>(directory_.tiles_x(), kLeftOut);
   const ChunkRef& page = directory_.row_pages[tile_row];
   const auto raw = read_payload(*pack_, page, ChunkKind::index_page,
                                 directory_.tiles_x() * kChunkRefBytes, compressor);

@@ -86,11 +86,14 @@ class ColourStore {
   /// of it needs to be there.
   ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory& image,
               Compressor& compressor, bool leaves_out = false);
+  /// Of an image of which every tile is left out: nothing is stored.
+  explicit ColourStore(const ColourDirectory& image);
   const ColourDirectory& directory() const { return directory_; }
   bool leaves_out() const { return leaves_out_; }
   std::vector<ChunkRef> read_row(std::uint32_t tile_row, Compressor& compressor) const;
   /// Throws Error(damaged_store) also for one that was left out.
   ColourTile read_tile(const ChunkRef& chunk, Compressor& compressor) const;
+  bool has_pack() const { return pack_ != nullptr; }
   const PackReader& pack() const { return *pack_; }
   /// Bytes of a decoded tile.
   std::uint64_t tile_bytes() const;

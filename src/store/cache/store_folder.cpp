@@ -39,6 +39,7 @@
 
 #include "pounce/error.h"
 #include "store/cache/cache_space.h"
+#include "store/cache/small_scratch.h"
 
 namespace pounce::store {
 namespace {
@@ -54,7 +55,8 @@ Name name_of(PackKind kind, const Hash128& key) { return {kind, key.hi, key.lo};
 /// Packs of this process alone: nameless files, kept open. No claims, since nobody else looks.
 class ScratchStore final : public StoreFolder {
  public:
-  ScratchStore(FileSystem& files, std::string folder) : files_(files), folder_(std::move(folder)) {}
+  ScratchStore(FileSystem& files, std::string folder)
+      : files_(files), folder_(std::move(folder)), shared_(files_, folder_) {}
 
   std::unique_ptr<PackReader> find(PackKind kind, const Hash128& key, std::string*) override {
     const std::lock_guard lock(mutex_);
@@ -64,7 +66,10 @@ class ScratchStore final : public StoreFolder {
 
   std::unique_ptr<PackWriter> create(PackKind kind, const Hash128& key,
                                      const std::string&) override {
-    return std::make_unique<PackWriter>(files_.create_scratch(folder_), kind, key);
+    // Images, of which there may be thousands, stay as long as the job: what of them is small need
+    // not be removed from between others.
+    return std::make_unique<PackWriter>(
+        kind == PackKind::colour ? shared_.create() : files_.create_scratch(folder_), kind, key);
   }
 
   std::unique_ptr<PackReader> publish(std::unique_ptr<PackWriter> writer) override {
@@ -95,6 +100,7 @@ class ScratchStore final : public StoreFolder {
 
   FileSystem& files_;
   const std::string folder_;
+  SharedScratch shared_;
   std::mutex mutex_;  // guards packs_
   std::map<Name, std::unique_ptr<PackWriter>> packs_;
 };

@@ -2,9 +2,12 @@
 #include "shading/mip_levels.h"
 
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <map>
+#include <random>
+#include <vector>
 
 #include "core/portable_math.h"
 #include "mesh/lattice.h"
@@ -93,4 +96,50 @@ TEST_CASE("levels keep what their depth can hold", "[mip]") {
   const std::vector<float> narrow{1, 3, infinite, 5};
   const auto levels = levels_of({1, 4}, 1, Depth::float32, narrow.data(), 4, 4);
   CHECK(as<float>(levels.at(1)) == std::vector<float>{2, infinite});
+}
+
+TEST_CASE("means of four round halves to even, whatever the channels and the count", "[mip]") {
+  store::ColourDirectory image;
+  const std::size_t channels = GENERATE(1, 2, 3, 4, 5);
+  const Depth depth = GENERATE(Depth::u8, Depth::u16);
+  image.channels = static_cast<std::uint32_t>(channels);
+  image.depth = depth;
+  const std::size_t size = store::depth_bytes(depth), count = 131;  // more than is made at once
+  const std::uint32_t most = depth == Depth::u8 ? 255 : 65535;
+  std::vector<std::byte> rows[2];
+  std::mt19937 random(7);
+  const auto get = [&](const std::byte* at) {
+    std::uint32_t value = 0;
+    std::memcpy(&value, at, size);
+    return value;
+  };
+  for (auto& row : rows) {
+    for (std::size_t i = 0; i < 2 * count * channels; ++i) {
+      const std::uint32_t value = i < 40 ? most - random() % 3 : random() % (most + 1);
+      const auto* const bytes = reinterpret_cast<const std::byte*>(&value);
+      row.insert(row.end(), bytes, bytes + size);
+    }
+  }
+  std::vector<std::byte> out(count * channels * size);
+  shading::mean_of_fours(image, rows[0].data(), rows[1].data(), count, out.data());
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t c = 0; c < channels; ++c) {
+      double sum = 0;
+      for (const auto& row : rows) {
+        for (const std::size_t x : {2 * i, 2 * i + 1})
+          sum += get(row.data() + (x * channels + c) * size);
+      }
+      CHECK(get(out.data() + (i * channels + c) * size) == std::nearbyint(sum / 4));
+    }
+  }
+}
+
+TEST_CASE("levels are made of fours only as far as both sides are even", "[mip]") {
+  store::ColourDirectory image;
+  image.width = 96;
+  image.height = 40;
+  CHECK(shading::is_halved_evenly(image, 3));
+  CHECK_FALSE(shading::is_halved_evenly(image, 4));  // 5 rows
+  image.depth = Depth::half;
+  CHECK_FALSE(shading::is_halved_evenly(image, 1));
 }
