@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "core/instruction_set.h"
 #include "core/own_errors.h"
 #include "core/system_limits.h"
 #include "io/files/output_file.h"
@@ -234,6 +235,7 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
   };
   try {
     with_own_errors([&] {
+      instruction_set();  // one that this processor lacks is refused here, not halfway
       require_threads(thread_count(resources));
       arena.execute([&] {
         try {

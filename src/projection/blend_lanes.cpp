@@ -5,9 +5,8 @@
 #include "projection/blend_lanes.h"
 
 #include <algorithm>
-#include <string_view>
 
-#include "projection/hit_packet.h"
+#include "core/instruction_set.h"
 
 namespace pounce::projection {
 
@@ -22,10 +21,10 @@ extern const BlendLanes kBlendLanes;
 }
 
 const BlendLanes& blend_lanes(const std::string& isa) {
-  const std::string_view found = kernels(isa).isa;
-  return found == "avx512" ? avx512::kBlendLanes
-         : found == "avx2" ? avx2::kBlendLanes
-                           : sse2::kBlendLanes;
+  const std::string chosen = instruction_set(isa);
+  return chosen == "avx512" ? avx512::kBlendLanes
+         : chosen == "avx2" ? avx2::kBlendLanes
+                            : sse2::kBlendLanes;
 }
 
 void PlacesLanes::set_place(std::size_t lane, Coordinate at_x, Coordinate at_y,

@@ -91,7 +91,7 @@ struct BlendLanes {
   std::array<Round, 4> round_u8;
 };
 
-/// The kernels for `isa`, as kernels() of hit_packet.h finds them.
+/// The kernels for `isa`, as instruction_set() chooses.
 const BlendLanes& blend_lanes(const std::string& isa);
 
 // --- lookups over tiles --------------------------------------------------------------------------

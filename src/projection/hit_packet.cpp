@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pounce/error.h"
+#include "core/instruction_set.h"
 
 namespace pounce::projection {
 
@@ -26,20 +26,8 @@ extern const Kernels kKernels;
 }
 
 const Kernels& kernels(const std::string& isa) {
-  const bool has_avx512 =
-      __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512dq") != 0 &&
-      __builtin_cpu_supports("avx512vl") != 0 && __builtin_cpu_supports("avx512bw") != 0;
-  const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
-  // A set that is asked for by name is not replaced: tests and benchmarks want this one or an
-  // error.
-  if (isa == "avx512" && has_avx512) return avx512::kKernels;
-  if (isa == "avx2" && has_avx2) return avx2::kKernels;
-  if (isa == "sse2") return sse2::kKernels;
-  if (!isa.empty()) {
-    throw Error(ErrorKind::usage,
-                "this processor has no \"" + isa + "\" kernels (choose sse2, avx2 or avx512)");
-  }
-  return has_avx512 ? avx512::kKernels : has_avx2 ? avx2::kKernels : sse2::kKernels;
+  const std::string chosen = instruction_set(isa);
+  return chosen == "avx512" ? avx512::kKernels : chosen == "avx2" ? avx2::kKernels : sse2::kKernels;
 }
 
 void Candidates::add(const grid::GridItem& item) {

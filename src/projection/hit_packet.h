@@ -84,8 +84,7 @@ struct Kernels {
   bool (*all_final)(const TexelPacket& packet, const HitPacket& best, float height);
 };
 
-/// The kernels for `isa`, or the best that this processor has for "". Throws Error(usage) if it
-/// lacks them.
+/// The kernels for `isa`, as instruction_set() chooses.
 const Kernels& kernels(const std::string& isa);
 
 void clear(HitPacket& best);

@@ -7,7 +7,7 @@
 
 #include <algorithm>
 
-#include "projection/hit_packet.h"
+#include "core/instruction_set.h"
 
 namespace pounce::projection {
 
@@ -22,7 +22,7 @@ extern const SplatKernels kSplatKernels;
 }
 
 const SplatKernels& splat_kernels(const std::string& isa) {
-  const std::string chosen = kernels(isa).isa;  // knows what this processor has
+  const std::string chosen = instruction_set(isa);
   return chosen == "avx512" ? avx512::kSplatKernels
          : chosen == "avx2" ? avx2::kSplatKernels
                             : sse2::kSplatKernels;

@@ -166,8 +166,7 @@ struct SplatKernels {
                   const TexelPacket& packet, const RayLimits& limits, RayPacket& sums);
 };
 
-/// The kernels for `isa`, or the best that this processor has for "". Throws Error(usage) if it
-/// lacks them.
+/// The kernels for `isa`, as instruction_set() chooses.
 const SplatKernels& splat_kernels(const std::string& isa);
 
 }  // namespace pounce::projection

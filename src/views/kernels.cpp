@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "views/kernels.h"
 
-#include "projection/hit_packet.h"
+#include "core/instruction_set.h"
 
 namespace pounce::views {
 
@@ -16,7 +16,7 @@ extern const ViewKernels kViewKernels;
 }
 
 const ViewKernels& view_kernels(const std::string& isa) {
-  const std::string chosen = projection::kernels(isa).isa;  // knows what this processor has
+  const std::string chosen = instruction_set(isa);
   return chosen == "avx512" ? avx512::kViewKernels
          : chosen == "avx2" ? avx2::kViewKernels
                             : sse2::kViewKernels;

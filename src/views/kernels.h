@@ -77,8 +77,7 @@ struct ViewKernels {
                  std::span<const PlacePacket> places, std::span<SightPacket> sights);
 };
 
-/// The kernels for `isa`, or the best that this processor has for "". Throws Error(usage) if it
-/// lacks them.
+/// The kernels for `isa`, as instruction_set() chooses.
 const ViewKernels& view_kernels(const std::string& isa);
 
 }  // namespace pounce::views
