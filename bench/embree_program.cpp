@@ -2,7 +2,7 @@
 //
 // What somebody would write in a day in place of pounce: Embree's nearest hit along each texel's
 // normal, both ways, sixteen texels at once, and a lookup there. Everything in memory, one thread,
-// OBJ and PNG in, PNG out. For tools/bench-table.sh alone: nothing of pounce is linked but the
+// OBJ and PNG in, PNG out. For `tools/bench.sh table` alone: nothing of pounce is linked but the
 // definition of its footprints, where these are asked for.
 //
 //   pounce_embree SOURCE.obj SOURCE.png TARGET.obj OUTPUT.png SIZE [tent|cubic|footprint]

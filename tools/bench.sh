@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs what is missing, builds the preset `release` and runs the benchmarks, five times each.
 # Usage: tools/bench.sh [RESULT.json] [pounce_bench arguments, e.g. --benchmark_filter=search]
-#        tools/bench.sh table [bench/table.py arguments, e.g. --sizes 1024,4096 --old POUNCE]
-# With "table": whole processes, one interleaved run: pounce beside an Embree program, and Blender where it is installed.
-# Compare two results with bench/compare.py. On a quiet machine this takes about three minutes.
+#        tools/bench.sh table [bench/table.py arguments, e.g. --parts heads,maps --sizes 1024,4096 --check]
+# With "table": whole processes, in parts, each one interleaved run: pounce beside an Embree program and Blender where
+# it is installed, splats, maps, materials, UDIMs, instruction sets, budgets, formats. bench/table.py --help lists what
+# can be chosen, bench/README.md what is measured. All of it takes half an hour and 2 GiB in TMPDIR.
+# Without "table" it takes three minutes on a quiet machine. Compare two results of either kind with bench/compare.py.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
