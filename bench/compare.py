@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Compares two runs of pounce_bench, or gives the ratio of two benchmarks of one run.
+"""Compares two runs of pounce_bench or of table.py, or gives the ratio of two benchmarks of one run.
 
-  compare.py old.json new.json             what changed, benchmark by benchmark
+  compare.py old.json new.json             what changed, benchmark by benchmark; of tables, which rows are slower
   compare.py run.json --ratio A B          how many times longer A takes than B, e.g.
                                            --ratio literal_same/1024 transfer_in_core/same/1024/threads:1
 
@@ -14,6 +14,10 @@ one side: --ratio literal_same/1024:per_texel transfer_in_core/same/1024/threads
 A change counts when it is larger than the noise: the two runs' spreads (half the distance between the
 quartiles, scaled to a normal deviation) put together, twice over, and 2 % at least. Else the answer is
 "hidden in the noise". Exit status: 0, or 1 if something became slower.
+
+Of two tables each row of pounce is compared, by the median of its CPU time (or with --real its wall time): one
+that takes more than 1.1 times of the old, or fails where it did not, is listed, and the exit status is 1. So it
+is if no row is in both.
 """
 import argparse
 import json
@@ -23,6 +27,7 @@ import sys
 
 LEAST_REPETITIONS = 5
 LEAST_CHANGE = 0.02
+MOST_OF_OLD = 1.1
 NS = {"ns": 1.0, "us": 1e3, "ms": 1e6, "s": 1e9}
 
 
@@ -113,6 +118,59 @@ def ratio(document, names, key):
     print(f"{result:.2f} +- {result * noise:.2f}")
 
 
+def rows_of(document):
+    """(part, group, row) -> figures of pounce's own rows of a table."""
+    return {(table["part"], table["group"], name): row for table in document["tables"]
+            for name, row in table["rows"].items() if row["is_ours"]}
+
+
+def compare_tables(old, new, key):
+    """The lines to print of two tables, and whether a row is slower."""
+    before, after = rows_of(old), rows_of(new)
+    lines, slower, faster, compared = [], 0, 0, 0
+    if old["processor"] != new["processor"]:
+        lines.append(f"other processors: {old['processor']}, then {new['processor']}; times say little")
+    for place, row in after.items():
+        name, past = ": ".join(place), before.get(place)
+        if past is None or "failed" in past:
+            lines.append(f"{name}: only in the new run")
+            continue
+        compared += 1
+        if "failed" in row:
+            lines.append(f"{name}: FAILED: {row['failed']}")
+            slower += 1
+            continue
+        ratio_of_old = row[key] / past[key]
+        if ratio_of_old > MOST_OF_OLD:
+            lines.append(f"{name}: {past[key]:.3f} s, now {row[key]:.3f} s: {ratio_of_old:.2f}x  SLOWER")
+            slower += 1
+        elif ratio_of_old < 1 / MOST_OF_OLD:
+            faster += 1
+    lines += [f"{': '.join(place)}: only in the old run" for place in before if place not in after]
+    lines.append(f"{compared} rows: {slower} slower than {MOST_OF_OLD}x or failed, {faster} faster by as much")
+    return lines, slower > 0 or compared == 0
+
+
+def self_test_of_tables():
+    def table(processor="p", **rows):
+        return {"processor": processor, "tables": [{"part": "heads", "group": "1024", "rows": {
+            name: {"is_ours": name != "rival", **(row if isinstance(row, dict) else {"cpu_s": row, "wall_s": 1.0})}
+            for name, row in rows.items()}}]}
+    failed = {"failed": "ended with 4"}
+    old = table(a=1.0, b=2.0, rival=1.0)
+    assert compare_tables(old, table(a=1.09, b=2.19, rival=9.0), "cpu_s")[1] is False
+    lines, slower = compare_tables(old, table(a=1.11, b=1.0, rival=1.0), "cpu_s")
+    assert slower and lines[0] == "heads: 1024: a: 1.000 s, now 1.110 s: 1.11x  SLOWER"
+    assert lines[-1] == "2 rows: 1 slower than 1.1x or failed, 1 faster by as much" and len(lines) == 2
+    assert compare_tables(old, table(a=1.11, b=2.0), "wall_s")[1] is False
+    assert compare_tables(old, table(a=1.0, b=failed), "cpu_s")[1] is True
+    assert compare_tables(table(a=failed, b=1.0), table(a=1.0, b=1.0), "cpu_s")[1] is False
+    assert compare_tables(table(a=1.0), table(c=1.0), "cpu_s")[1] is True  # nothing that could be compared
+    lines, slower = compare_tables(old, table("q", a=1.0, c=1.0), "cpu_s")
+    assert not slower and "other processors" in lines[0]
+    assert "heads: 1024: c: only in the new run" in lines and "heads: 1024: b: only in the old run" in lines
+
+
 def self_test():
     def run(name, times, **counters):
         return [{"name": name, "run_type": "iteration", "cpu_time": t, "real_time": 2 * t,
@@ -130,6 +188,7 @@ def self_test():
     assert read_runs(old, "real_time")["a/1"][0] == 200e6
     assert values_of(old, "a/1:kernel", "cpu_time") == [50] * 5
     assert values_of(old, "b/threads:2", "cpu_time")[1] == 150e6
+    self_test_of_tables()
     print("ok")
 
 
@@ -155,6 +214,15 @@ def main():
     if options.ratio:
         ratio(documents[0], options.ratio, key)
         return 0
+    are_tables = ["tables" in document for document in documents]
+    if all(are_tables):
+        if options.counter:
+            parser.error("tables have no counters")
+        lines, slower = compare_tables(*documents, "wall_s" if options.real else "cpu_s")
+        print("\n".join(lines))
+        return 1 if slower else 0
+    if any(are_tables):
+        parser.error("a table is compared with a table")
     return 1 if compare(*documents, key) else 0
 
 
