@@ -17,6 +17,7 @@
 #include "io/image/write.h"
 #include "job/job_context.h"
 #include "planning/load_mesh.h"
+#include "planning/seen_images.h"
 #include "projection/hit_block.h"
 #include "shading/mip_levels.h"
 #include "store/blocks/colour_store.h"
@@ -70,8 +71,17 @@ void DiskPlan::add_seen_column(const io::ImageInfo& info, bool in_part) {
   // Less than half of it may be kept first, and all of it after that.
   if (in_part) stores_ += column_bytes(image) / 2;
   const std::uint32_t last = shading::last_level(image);
-  for (std::uint32_t level = 1; level <= last; ++level)
-    stores_ += column_bytes(shading::level_of(image, level));
+  bool any_small = false;
+  for (std::uint32_t level = 1; level <= last; ++level) {
+    const store::ColourDirectory of_level = shading::level_of(image, level);
+    const std::uint64_t bytes = column_bytes(of_level);
+    const std::uint64_t tiles = std::uint64_t{of_level.tiles_x()} * of_level.tiles_y();
+    const bool is_small = keeps_ && tiles <= kFewTiles;
+    if (is_small) small_levels_ += bytes;
+    // One of the small ones may be stored in the image's place: the first is the largest.
+    if (!is_small || !any_small) stores_ += bytes;
+    any_small = any_small || is_small;
+  }
 }
 
 void DiskPlan::add_geometry(const surface::GeometryRequest& request) {
@@ -214,7 +224,8 @@ DiskForecast DiskPlan::forecast() const {
   const bool is_limited = keeps_ && cache_limit_bytes_ != 0 && stores_ > cache_limit_bytes_;
   if (keeps_) forecast.cache_bytes = is_limited ? cache_limit_bytes_ : stores_;
   // What the cache has no room for lives in scratch files.
-  forecast.scratch_bytes = passing_ + beside_ + (keeps_ && !is_limited ? 0 : stores_);
+  forecast.scratch_bytes =
+      passing_ + beside_ + small_levels_ + (keeps_ && !is_limited ? 0 : stores_);
   forecast.output_bytes = outputs_;
   return forecast;
 }

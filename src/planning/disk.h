@@ -50,10 +50,11 @@ class DiskPlan {
   /// What the texels of a page hit: one store more.
   void add_hits(const PassPlan& pass, const surface::GeometryRequest& target);
 
-  std::uint64_t stores_ = 0;   ///< that stay until the job ends, or in the cache
-  std::uint64_t beside_ = 0;   ///< the most of scratch files that one target has beside these
-  std::uint64_t passing_ = 0;  ///< the most of other scratch files at one moment
-  std::uint64_t needed_ = 0;   ///< the same without what is kept for a later run
+  std::uint64_t stores_ = 0;        ///< that stay until the job ends, or in the cache
+  std::uint64_t small_levels_ = 0;  ///< of these, what is scratch even where stores are kept
+  std::uint64_t beside_ = 0;        ///< the most of scratch files that one target has beside these
+  std::uint64_t passing_ = 0;       ///< the most of other scratch files at one moment
+  std::uint64_t needed_ = 0;        ///< the same without what is kept for a later run
   std::uint64_t outputs_ = 0;
   const bool keeps_;
   const std::uint64_t cache_limit_bytes_;

@@ -24,8 +24,6 @@ namespace {
 /// (not in a level) spread: half of 32 texels (projection/footprint.cpp). Beyond, the whole image
 /// is built: this only saves work.
 constexpr double kSeenAround = 24;
-/// So few tiles of an image are not worth leaving out.
-constexpr std::uint64_t kFewTiles = 16;
 /// Of the source's texels per target texel: from here on many are seen in levels.
 constexpr double kFromAfar = 4;
 /// How much finer lookups may be than on average: UVs are stretched.

@@ -13,6 +13,10 @@
 
 namespace pounce::planning {
 
+/// So few tiles are not worth leaving out of an image, nor, of a level that is made when it is
+/// asked for, a file in the cache: it is scratch.
+inline constexpr std::uint64_t kFewTiles = 16;
+
 /// By SourcePlan::columns the tiles that are kept; null: all.
 using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;
 /// The tiles that the source's triangles show, of the images of which that is less than half.

@@ -33,8 +33,9 @@ holds png source.obj target.obj -o o.png
 holds no-cache source.obj target.obj -o o.png --no-cache
 holds coarse source.obj target.obj -o o.png --size 100
 { printf 'P6\n4096 64\n255\n' && cat noise.raw; } >thin.ppm # levels of one row of tiles: half the image, a quarter ...
-holds thin source.obj target.obj -o o.png --size 64x4 --source-texture baseColor=thin.ppm
+holds thin source.obj target.obj -o o.png --size 512x8 --source-texture baseColor=thin.ppm
 ((cache_most < 2 * cache_real)) || fail "thin: half of $cache_most would do for $cache_real"
+holds afar source.obj target.obj -o o.png --size 64x4 --source-texture baseColor=thin.ppm # a level in its place
 holds depth source.obj target.obj -o o.exr --depth float --coverage mask.exr
 holds tif source.obj target.obj -o o.tif --depth u16 --size 700x300
 holds tx source.obj target.obj -o o.tx

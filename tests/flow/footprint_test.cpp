@@ -149,9 +149,9 @@ TEST_CASE("levels change no byte with threads, budgets and caches", "[flow]") {
 }
 
 TEST_CASE("a level is made once, kept with its image, and made anew when it is damaged", "[flow]") {
-  Scene scene(rings(512, 512));
+  Scene scene(rings(1024, 1024));
   TransferOptions& options = scene.options;
-  options.image.size = ImageSize{128, 128};  // level 1
+  options.image.size = ImageSize{256, 256};  // level 1
   options.resources.use_cache = true;
   options.resources.cache_dir = scene.folder.file("cache");
   const Report first = transfer(options);
@@ -182,9 +182,9 @@ TEST_CASE("a level is made once, kept with its image, and made anew when it is d
 
 TEST_CASE("a job that is stopped where a level is made leaves nothing that is not whole",
           "[flow]") {
-  Scene scene(rings(512, 512));
+  Scene scene(rings(1024, 1024));
   TransferOptions& options = scene.options;
-  options.image.size = ImageSize{128, 128};
+  options.image.size = ImageSize{256, 256};
   transfer(options);
   const auto expected = read_whole(posix_file_system(), options.output);
   std::filesystem::remove(options.output);

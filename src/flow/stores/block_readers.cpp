@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <mutex>
 
+#include "planning/seen_images.h"
 #include "shading/mip_levels.h"
 
 namespace pounce::flow {
@@ -25,8 +26,6 @@ ColourRequest all_of(ColourRequest request) {
   request.level = 0;
   return request;
 }
-
-constexpr std::uint64_t kFewTiles = 16;
 
 }  // namespace
 
@@ -109,7 +108,7 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
   const store::ColourDirectory image = shading::level_of(source, 1);
   const Hash128 key = level_key(image_key, level);
   // Of a few tiles, making them again costs less than a file.
-  const bool is_small = image.tiles_x() * image.tiles_y() <= kFewTiles;
+  const bool is_small = image.tiles_x() * image.tiles_y() <= planning::kFewTiles;
   store::StoreFolder& stores = is_small ? *job_.scratch : *job_.stores;
   std::unique_ptr<store::ColourStore> found;
   if (!is_small) {
