@@ -27,6 +27,12 @@ const BlendLanes& blend_lanes(const std::string& isa) {
                             : sse2::kBlendLanes;
 }
 
+void PlacesLanes::settle() {
+  for (auto* const rests : {&rest_x, &rest_y}) {
+    for (double& rest : *rests) rest = settled(rest);
+  }
+}
+
 void PlacesLanes::set_place(std::size_t lane, Coordinate at_x, Coordinate at_y,
                             std::size_t texel_bytes) {
   // Texel -1 belongs to the first tile's apron.

@@ -44,8 +44,11 @@ struct alignas(64) FootprintLookupsLanes {
 struct LookedUp {
   std::uint32_t width = 0, height = 0;              ///< of the image that places are texels of
   std::uint32_t level_width = 0, level_height = 0;  ///< of what is looked up in
-  std::size_t channels = 0;                         ///< of 8 bits
+  std::size_t channels = 0;
+  Depth depth = Depth::u8;
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
+  std::size_t texel_bytes() const { return channels * store::depth_bytes(depth); }
+  bool is_float() const { return depth == Depth::half || depth == Depth::float32; }
 };
 
 /// One lookup of sixteen texels.
@@ -59,6 +62,8 @@ struct alignas(64) PlacesLanes {
   unsigned outside = 0;            ///< of these the ones beyond the image: set_place() says where
 
   void set_place(std::size_t lane, Coordinate at_x, Coordinate at_y, std::size_t texel_bytes);
+  /// Of float images: places near a centre are it, see settled().
+  void settle();
 };
 
 /// Sums of sixteen texels, by channel.
@@ -76,12 +81,13 @@ struct BlendLanes {
   void (*place)(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& middle_x,
                 const Sixteen<double>& middle_y, int a, int b, unsigned lanes, PlacesLanes& out);
   /// Adds share x blend() to `means`, for lookups that lie in one tile; offsets of the other lanes
-  /// are in it, too, and their share is 0. By channels, less 1. `keys` is the kernel's a, or kTent.
-  /// Null: no sharpening, else that of each lane; of tents there is none.
+  /// are in it, too, and their share is 0. By depth, and channels less 1. `keys` is the kernel's a,
+  /// or kTent, of 8 bits alone. Null: no sharpening, else that of each lane; of tents there is
+  /// none. Where samples of floats are -0, what is 0 may have another sign than there.
   using Add = void (*)(const std::byte* tile, const PlacesLanes& places,
                        const Sixteen<double>& share, double keys,
                        const FootprintLookupsLanes* sharpening, MeansLanes& means);
-  std::array<Add, 4> add_u8;
+  std::array<std::array<Add, 4>, 4> add;
   /// Rounds means of `channels` to 8 bits, as store_texel() does: four bytes for each lane.
   void (*round_means)(const MeansLanes& means, std::size_t channels,
                       Sixteen<std::uint32_t>& texels);
@@ -131,7 +137,7 @@ struct alignas(64) MiddlesLanes {
   Sixteen<double> x, y;
 };
 
-/// Adds a set of lookups of `lanes`, in one image or level of 8 bits, to `means`. `places` is
+/// Adds a set of lookups of `lanes`, in one image or level, to `means`. `places` is
 /// overwritten.
 template <class TileAt>
 void add_lookups(const BlendLanes& kernels, double keys, const LookupsLanes& set,
@@ -148,10 +154,12 @@ void add_lookups(const BlendLanes& kernels, double keys, const LookupsLanes& set
       kernels.place(set, in, middles.x, middles.y, a, b, lanes, places);
       for_each_lane(places.outside, [&](std::size_t lane) {
         places.set_place(lane, placed(places.x[lane], in.level_width, in.wrap_u),
-                         placed(places.y[lane], in.level_height, in.wrap_v), in.channels);
+                         placed(places.y[lane], in.level_height, in.wrap_v), in.texel_bytes());
       });
+      if (in.is_float()) places.settle();
       for_each_tile(places, tile_at, [&](const std::byte* tile, const auto& share, unsigned) {
-        kernels.add_u8[in.channels - 1](tile, places, share, keys, sharpening, means);
+        kernels.add[static_cast<std::size_t>(in.depth)][in.channels - 1](tile, places, share, keys,
+                                                                         sharpening, means);
       });
     }
   }

@@ -12,11 +12,15 @@
 //                            that neither order nor type matters
 //   the mean                 doubles, in the order of lookups
 //
+// Other depths than bytes: deep_lanes.inl.
+//
 // A lane's 4x4 texels lie in four runs of a tile. Registers of 16 bytes are loaded from each lane's
 // run and turned over, four lanes by four words: a gather would take as many loads for each word.
 #include <immintrin.h>
 
 #include <cstring>
+#include <limits>
+#include <type_traits>
 
 #include "projection/blend.h"
 #include "projection/blend_lanes.h"
@@ -188,7 +192,7 @@ void place(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& m
     store_register(out.tile.data() + first, ((row >> kShift) << 16) | (column >> kShift));
     store_register(out.offset.data() + first, (((row & kWithin) + kFirst) * store::kColourTileEdge +
                                                (column & kWithin) + kFirst) *
-                                                  static_cast<std::int32_t>(in.channels));
+                                                  static_cast<std::int32_t>(in.texel_bytes()));
     const Doubles is_active = doubles_of(active & 1);
     store(out.share.data() + first,
           where_less(doubles(0), is_active, load(set.share.data() + first), doubles(0)));
@@ -461,6 +465,8 @@ void round_u8(const std::byte* tile, const PlacesLanes& places, double keys,
                          : round_sums_u8<kChannels, false>)(tile, places, keys, sharpening, texels);
 }
 
+#include "projection/deep_lanes.inl"
+
 void round_means(const MeansLanes& means, std::size_t channels, Sixteen<std::uint32_t>& texels) {
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
     IntRegister texel{};
@@ -475,9 +481,19 @@ void round_means(const MeansLanes& means, std::size_t channels, Sixteen<std::uin
 
 }  // namespace
 
+template <Depth kDepth>
+constexpr std::array<BlendLanes::Add, 4> kAddDeep{add_deep<1, kDepth>, add_deep<2, kDepth>,
+                                                  add_deep<3, kDepth>, add_deep<4, kDepth>};
+
 extern const BlendLanes kBlendLanes;
-const BlendLanes kBlendLanes{POUNCE_ISA_NAME, lookups,
-                             place,           {add_u8<1>, add_u8<2>, add_u8<3>, add_u8<4>},
-                             round_means,     {round_u8<1>, round_u8<2>, round_u8<3>, round_u8<4>}};
+const BlendLanes kBlendLanes{POUNCE_ISA_NAME,
+                             lookups,
+                             place,
+                             {{{add_u8<1>, add_u8<2>, add_u8<3>, add_u8<4>},
+                               kAddDeep<Depth::u16>,
+                               kAddDeep<Depth::half>,
+                               kAddDeep<Depth::float32>}},
+                             round_means,
+                             {round_u8<1>, round_u8<2>, round_u8<3>, round_u8<4>}};
 
 }  // namespace pounce::projection::POUNCE_ISA_NAMESPACE

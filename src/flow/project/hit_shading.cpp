@@ -289,7 +289,8 @@ void HitShading::shade(HitWork& work) const {
 //
 // A lane gets one of three results: a finished texel (`rounded_`), samples that shading has yet to
 // convert (`blended_`), or neither, and then it is blended alone. The last are lanes without an
-// image of 8 bits: floats, constants, UDIM tiles without image.
+// image: constants, UDIM tiles without image; and those of tents and of colours that are divided by
+// their alpha, where images are deeper than 8 bits.
 
 namespace {
 
@@ -317,11 +318,11 @@ void PacketBlend::look_up(std::span<const PageColour> pages, const projection::H
                           const std::vector<surface::TexelAxes>& axes,
                           const shading::TexelFormat& format, bool rounds, ColourWindow& window) {
   rounded_ = blended_ = 0;
-  const Mask found = find_images(pages, hit, texels, axes);
+  const Mask found = find_images(pages, hit, texels, axes, format);
   if (found == 0) return;
   lanes_.lookups(footprints_, last_level_, lookups_);
   for (auto& channel : means_) channel.fill(0);
-  Mask kept = 0;
+  Mask kept = 0, alone = 0;
   // Where the output stores samples as the image holds them, one lookup is rounded from its integer
   // sum at once. A mean of several is a sum of doubles: it is rounded at the end, when all sets
   // were added.
@@ -331,8 +332,10 @@ void PacketBlend::look_up(std::span<const PageColour> pages, const projection::H
     left &= ~group;
     const bool keeps_samples = rounds && keeps(first, format);
     if (keeps_samples) kept |= group;
-    if (const Mask single = group & lookups_.single; single != 0)
+    if (const Mask single = group & lookups_.single; single != 0) {
       add_single(first, single, keeps_samples, window);
+      alone |= single & signed_zeros(first, single);
+    }
     for (std::size_t s = 0; s < 2; ++s) {
       // The second set is that of the next level, mixed in near the end of a level's range
       // (docs/decisions/033-footprints.md).
@@ -348,7 +351,7 @@ void PacketBlend::look_up(std::span<const PageColour> pages, const projection::H
       }
     }
   }
-  blended_ = found & ~(kept & lookups_.single);
+  blended_ = found & ~(kept & lookups_.single) & ~alone;
   const Mask means = kept & ~lookups_.single;
   rounded_ = kept;
   if (means == 0) return;
@@ -362,11 +365,19 @@ projection::Blended PacketBlend::samples(int lane) const {
   return {means_[0][i], means_[1][i], means_[2][i], means_[3][i]};
 }
 
+bool PacketBlend::may_join(const PageImage& image, const shading::TexelFormat& format) const {
+  const store::ColourDirectory& directory = image.directory();
+  if (directory.depth == Depth::u8) return true;
+  return keys_ != projection::kTent &&
+         (!directory.premultiplied || stays_premultiplied(directory, image.input, format));
+}
+
 /// The lanes whose images may be looked up together with others.
 PacketBlend::Mask PacketBlend::find_images(std::span<const PageColour> pages,
                                            const projection::HitPacket& hit,
                                            const surface::TexelPacket& texels,
-                                           const std::vector<surface::TexelAxes>& axes) {
+                                           const std::vector<surface::TexelAxes>& axes,
+                                           const shading::TexelFormat& format) {
   Mask found = 0;
   const ColourCache* before = nullptr;
   std::int32_t last_level = 0;
@@ -377,7 +388,7 @@ PacketBlend::Mask PacketBlend::find_images(std::span<const PageColour> pages,
     if (page.column == nullptr && page.tile_set == nullptr) continue;
     PageImage& image = images_[lane];
     image = image_at(page, place_of(hit, l));
-    if (image.column == nullptr || image.directory().depth != Depth::u8) continue;
+    if (image.column == nullptr || !may_join(image, format)) continue;
     const projection::Footprint footprint = image.on_image(footprint_at(hit, texels, axes, l));
     // Neighbouring lanes mostly share an image: its number of levels is asked for once.
     if (image.column != before) {
@@ -406,6 +417,18 @@ PacketBlend::Mask PacketBlend::like(std::size_t lane, Mask among) const {
   return out;
 }
 
+/// The lanes, of one float image, that have a 0 whose sign may not be that of one lookup alone.
+PacketBlend::Mask PacketBlend::signed_zeros(std::size_t first, Mask lanes) const {
+  const store::ColourDirectory& image = images_[first].directory();
+  if (image.depth == Depth::u8 || image.depth == Depth::u16) return 0;
+  Mask out = 0;
+  for_each_lane(lanes, [&](std::size_t lane) {
+    for (std::size_t c = 0; c < image.channels; ++c)
+      out |= (means_[c][lane] == 0 ? 1U : 0U) << lane;
+  });
+  return out;
+}
+
 /// Is what the image holds what the output stores?
 bool PacketBlend::keeps(std::size_t lane, const shading::TexelFormat& format) const {
   return images_[lane].input == nullptr && !pages_[lane]->factor && !pages_[lane]->tinted &&
@@ -429,7 +452,7 @@ void PacketBlend::add_set(std::size_t s, std::size_t first, Mask lanes, ColourWi
   const store::ColourDirectory& image = column.store().directory();
   const store::ColourDirectory& smaller = level.store().directory();
   const projection::LookedUp in{image.width,    image.height, smaller.width, smaller.height,
-                                image.channels, image.wrap_u, image.wrap_v};
+                                image.channels, image.depth,  image.wrap_u,  image.wrap_v};
   projection::add_lookups(
       lanes_, keys_, set, number == 0 ? sharpening(lanes) : nullptr, in, middles_, lanes,
       [&](std::uint32_t x, std::uint32_t y) { return window.tile(level, x, y); }, places_, means_);
@@ -438,20 +461,25 @@ void PacketBlend::add_set(std::size_t s, std::size_t first, Mask lanes, ColourWi
 /// The same of lanes that have one lookup in the image itself.
 void PacketBlend::add_single(std::size_t first, Mask lanes, bool rounds, ColourWindow& window) {
   const ColourCache& column = *images_[first].column;
-  const std::size_t channels = column.store().directory().channels;
+  const store::ColourDirectory& image = column.store().directory();
+  const std::size_t channels = image.channels;
+  const bool is_float = image.depth == Depth::half || image.depth == Depth::float32;
   places_.offset.fill(0);
   places_.share.fill(0);
   places_.active = lanes;
   for_each_lane(lanes, [&](std::size_t lane) {
-    places_.set_place(lane, images_[lane].x, images_[lane].y, channels);
+    places_.set_place(lane, images_[lane].x, images_[lane].y, image.texel_bytes());
     places_.share[lane] = 1;
   });
+  if (is_float) places_.settle();
   const auto* const sharpened = sharpening(lanes);
   projection::for_each_tile(
       places_, [&](std::uint32_t x, std::uint32_t y) { return window.tile(column, x, y); },
       [&](const std::byte* tile, const Sixteen<double>& share, Mask same) {
-        if (!rounds)
-          return lanes_.add_u8[channels - 1](tile, places_, share, keys_, sharpened, means_);
+        if (!rounds) {
+          return lanes_.add[static_cast<std::size_t>(image.depth)][channels - 1](
+              tile, places_, share, keys_, sharpened, means_);
+        }
         alignas(64) Sixteen<std::uint32_t> rounded;
         lanes_.round_u8[channels - 1](tile, places_, keys_, sharpened, rounded);
         for_each_lane(same, [&](std::size_t lane) { texels_[lane] = rounded[lane]; });

@@ -118,8 +118,11 @@ class PacketBlend {
   using Mask = unsigned;  ///< a bit per lane
 
   Mask find_images(std::span<const PageColour> pages, const projection::HitPacket& hit,
-                   const surface::TexelPacket& texels, const std::vector<surface::TexelAxes>& axes);
+                   const surface::TexelPacket& texels, const std::vector<surface::TexelAxes>& axes,
+                   const shading::TexelFormat& format);
+  bool may_join(const PageImage& image, const shading::TexelFormat& format) const;
   Mask like(std::size_t lane, Mask among) const;
+  Mask signed_zeros(std::size_t first, Mask lanes) const;
   bool keeps(std::size_t lane, const shading::TexelFormat& format) const;
   void add_set(std::size_t s, std::size_t first, Mask lanes, ColourWindow& window);
   void add_single(std::size_t first, Mask lanes, bool rounds, ColourWindow& window);

@@ -3,11 +3,13 @@
 // Sixteen texels at once against one by one: the same bits, on each instruction set.
 #include "projection/blend_lanes.h"
 
+#include <bit>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
 #include <limits>
 
+#include "core/portable_math.h"
 #include "support/bytes.h"
 #include "support/random.h"
 
@@ -73,23 +75,40 @@ bool agrees(const FootprintLookupsLanes& lanes, std::size_t lane, const Footprin
   return ok;
 }
 
-/// An image of random bytes, or one of its levels, in tiles as its store has them.
+/// A finite sample of a float image: mostly near 1, also 0, tiny, negative and large ones.
+float random_sample(Random& random, Depth depth) {
+  const float largest = depth == Depth::half ? 65504.0F : std::numeric_limits<float>::max();
+  if (random.one_in(6)) return 0;
+  if (random.one_in(12)) return random.one_in(2) ? largest : -largest;
+  if (random.one_in(12)) return static_cast<float>(random.unit()) * 1e-7F;
+  const auto value = static_cast<float>(random.between(0.0, 2.0));
+  return random.one_in(5) ? -value : value;
+}
+
+/// An image of random samples, or one of its levels, in tiles as its store has them.
 struct Image {
   store::ColourDirectory directory;
   std::vector<std::vector<std::byte>> tiles;
 
   Image(Random& random, std::uint32_t width, std::uint32_t height, std::uint32_t channels, Wrap u,
-        Wrap v) {
+        Wrap v, Depth depth = Depth::u8) {
     directory.width = width;
     directory.height = height;
     directory.channels = channels;
     directory.wrap_u = u;
     directory.wrap_v = v;
-    std::vector<std::byte> samples(std::size_t{width} * height * channels);
+    directory.depth = depth;
+    const std::size_t size = store::depth_bytes(depth);
+    std::vector<std::byte> samples(std::size_t{width} * height * channels * size);
     // Edges and flat parts as well as noise.
-    for (std::byte& sample : samples)
-      sample = static_cast<std::byte>(random.one_in(3) ? (random.one_in(2) ? 0 : 255)
-                                                       : random.bits() & 255);
+    for (std::size_t at = 0; at < samples.size(); at += size) {
+      std::uint32_t bits = random.one_in(3) ? (random.one_in(2) ? 0 : ~0U)
+                                            : static_cast<std::uint32_t>(random.bits());
+      if (depth == Depth::float32)
+        bits = std::bit_cast<std::uint32_t>(random_sample(random, depth));
+      if (depth == Depth::half) bits = float_to_half(random_sample(random, depth));
+      std::memcpy(samples.data() + at, &bits, size);
+    }
     for (std::uint32_t ty = 0; ty < directory.tiles_y(); ++ty) {
       for (std::uint32_t tx = 0; tx < directory.tiles_x(); ++tx) add_tile(samples, tx, ty);
     }
@@ -102,9 +121,10 @@ struct Image {
             std::int64_t{tx} * mesh::kBlockEdge + x, directory.width, directory.wrap_u));
         const auto row = static_cast<std::size_t>(store::wrapped(
             std::int64_t{ty} * mesh::kBlockEdge + y, directory.height, directory.wrap_v));
-        const std::size_t at = (row * directory.width + column) * directory.channels;
-        tile.insert(tile.end(), samples.begin() + static_cast<std::ptrdiff_t>(at),
-                    samples.begin() + static_cast<std::ptrdiff_t>(at + directory.channels));
+        const std::size_t texel = directory.texel_bytes();
+        const auto from =
+            samples.begin() + static_cast<std::ptrdiff_t>((row * directory.width + column) * texel);
+        tile.insert(tile.end(), from, from + static_cast<std::ptrdiff_t>(texel));
       }
     }
   }
@@ -134,9 +154,13 @@ void look(const Image& image, const At& at, BlendKernel kernel, Sharpening by, U
 void add_one(const Image& image, const Image& level, const Lookups& set, Sharpening by,
              BlendKernel kernel, Vec2d middle, Blended& mean) {
   const double share = set.share / (set.count_a * set.count_b);
-  const auto in = [](double texel, std::uint32_t size, std::uint32_t level_size, Wrap wrap) {
+  const Depth depth = image.directory.depth;
+  const bool is_float = depth == Depth::half || depth == Depth::float32;
+  const auto in = [&](double texel, std::uint32_t size, std::uint32_t level_size, Wrap wrap) {
     if (size != level_size) texel = (texel + 0.5) * level_size / size - 0.5;
-    return placed(texel, level_size, wrap);
+    Coordinate at = placed(texel, level_size, wrap);
+    if (is_float) at.rest = settled(at.rest);
+    return at;
   };
   for (int a = 0; a < set.count_a; ++a) {
     for (int b = 0; b < set.count_b; ++b) {
@@ -170,13 +194,16 @@ struct Window {
     const auto channels = static_cast<std::uint32_t>(random.whole(1, 4));
     const Wrap u = wrap(), v = wrap();
     std::uint32_t width = side(), height = side();
+    constexpr std::array kDepths{Depth::u8, Depth::u16, Depth::half, Depth::float32};
+    const Depth depth = kDepths.at(static_cast<std::size_t>(random.whole(0, 3)));
     for (int level = 0; level < 3; ++level) {
-      levels.emplace_back(random, width, height, channels, u, v);
+      levels.emplace_back(random, width, height, channels, u, v, depth);
       width = (width + 1) / 2;
       height = (height + 1) / 2;
     }
     constexpr std::array kFilters{Filter::cubic, Filter::sharp, Filter::tent};
-    filter = kFilters.at(static_cast<std::size_t>(random.whole(0, 2)));
+    // Tents are of bytes alone.
+    filter = kFilters.at(static_cast<std::size_t>(random.whole(0, depth == Depth::u8 ? 2 : 1)));
     lanes = random.one_in(2) ? 0xFFFF : random.bits() & 0xFFFF;
     // Near each other or not, in the image or beyond its edges.
     const double far = random.one_in(3) ? 1e3 : 4;
@@ -217,7 +244,7 @@ struct LanesResult {
         const Image& level = window.levels[number];
         const LookedUp in{
             image.width,    image.height, level.directory.width, level.directory.height,
-            image.channels, image.wrap_u, image.wrap_v};
+            image.channels, image.depth,  image.wrap_u,          image.wrap_v};
         add_lookups(
             kernels, keys_of(kernel_of(window.filter)), lookups.sets[s],
             number == 0 ? &lookups : nullptr, in, middles, lanes,
@@ -257,7 +284,7 @@ TEST_CASE("means of sixteen footprints are those of each, bit by bit") {
     CAPTURE(kernels->isa);
     Random random(4002);
     std::array<int, 3> seen{};  // of one set, of two, sharpened
-    for (int i = 0; i < 400; ++i) {
+    for (int i = 0; i < 1000; ++i) {
       const Window window(random);
       const LanesResult lanes(*kernels, window);
       for (std::size_t lane = 0; lane < kSixteen; ++lane) {
@@ -274,7 +301,8 @@ TEST_CASE("means of sixteen footprints are those of each, bit by bit") {
         for (std::size_t c = 0; c < mean.size(); ++c) {
           if (!same(lanes.means[c][lane], mean[c]))
             FAIL("window " << i << ", lane " << lane << ", channel " << c << ": "
-                           << lanes.means[c][lane] << " for " << mean[c]);
+                           << lanes.means[c][lane] << " for " << mean[c] << ", depth "
+                           << depth_name(window.levels[0].directory.depth));
         }
       }
     }
