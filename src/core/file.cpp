@@ -21,6 +21,7 @@
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
+#include <sys/xattr.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -29,6 +30,7 @@
 #include <filesystem>
 #include <limits>
 #include <mutex>
+#include <random>
 #include <system_error>
 
 #include "core/growing_file.h"
@@ -49,6 +51,19 @@ int open_to_lock(const std::string& path, int flags, mode_t mode = 0) {
   const int readable = open_retrying(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
   if (readable < 0) errno = EACCES;
   return readable;
+}
+
+/// No other process has it, but for those that it forks.
+const std::string& process_token() {
+  static const std::string token = [] {
+    std::random_device random;
+    return fmt::format("{:08x}{:08x}{:08x}{:08x}", random(), random(), random(), random());
+  }();
+  return token;
+}
+
+bool has_access_list(const std::string& path) {
+  return ::getxattr(path.c_str(), "system.posix_acl_access", nullptr, 0) > 0;
 }
 
 std::int64_t nanoseconds(const timespec& time) {
@@ -99,13 +114,12 @@ class PosixWriteFile final : public WriteFile {
 
 class PosixFileLock final : public FileLock {
  public:
-  PosixFileLock(Descriptor fd, std::string last_holder)
-      : fd_(std::move(fd)), last_holder_(std::move(last_holder)) {}
-  std::string last_holder() const override { return last_holder_; }
+  PosixFileLock(Descriptor fd, bool was_ours) : fd_(std::move(fd)), was_ours_(was_ours) {}
+  bool was_ours() const override { return was_ours_; }
 
  private:
   Descriptor fd_;  // closing it gives the flock back
-  const std::string last_holder_;
+  const bool was_ours_;
 };
 
 class PosixFileSystem final : public FileSystem {
@@ -208,13 +222,16 @@ class PosixFileSystem final : public FileSystem {
       if (fd.get() < 0) fail_to_change(path, "open the lock file", errno);
       if (!lock_now(fd.get(), path, LOCK_EX)) return nullptr;
       if (!is_named(fd.get(), path)) continue;  // its last holder removed it
-      // Who holds it is no more than a hint: on a full disk it stays unknown.
-      const std::string holder = fmt::format("{:<12}\n", ::getpid());
+      // The number is for messages. Processes of other machines, or in containers, have the same
+      // ones, hence what follows it.
+      const std::string holder = fmt::format("{:<12}\n{}\n", ::getpid(), process_token());
       std::string last(holder.size(), ' ');
-      const ssize_t read = ::pread(fd.get(), last.data(), last.size(), 0);
-      last.resize(read > 0 ? last.find_first_not_of("0123456789") : 0);
-      (void)!::pwrite(fd.get(), holder.data(), holder.size(), 0);
-      return std::make_unique<PosixFileLock>(std::move(fd), std::move(last));
+      const bool has_all =
+          ::pread(fd.get(), last.data(), last.size(), 0) == static_cast<ssize_t>(last.size());
+      const ssize_t written = ::pwrite(fd.get(), holder.data(), holder.size(), 0);
+      // Better nobody's name than another's, as on a full disk.
+      if (written != static_cast<ssize_t>(holder.size())) (void)!::ftruncate(fd.get(), 0);
+      return std::make_unique<PosixFileLock>(std::move(fd), has_all && last == holder);
     }
   }
 
@@ -312,6 +329,16 @@ class PosixFileSystem final : public FileSystem {
 
   bool is_writable(const std::string& folder) override {
     return ::access(folder.c_str(), W_OK | X_OK) == 0;
+  }
+
+  bool lets_all_write(const std::string& path, const std::string& folder) override {
+    struct stat file {
+    }, around{};
+    if (::stat(path.c_str(), &file) != 0 || ::stat(folder.c_str(), &around) != 0) return false;
+    const mode_t writers = around.st_mode & (S_IWUSR | S_IWGRP | S_IWOTH);
+    const bool same_group = (writers & S_IWGRP) == 0 || file.st_gid == around.st_gid;
+    return file.st_uid == around.st_uid && same_group && (writers & ~file.st_mode) == 0 &&
+           !has_access_list(path) && !has_access_list(folder);
   }
 
   std::uint64_t disk_bytes(const std::string& folder) override {

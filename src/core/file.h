@@ -65,8 +65,8 @@ struct FileStatus {
 class FileLock {
  public:
   virtual ~FileLock() = default;
-  /// The number of the process that had it before, as text; empty where nobody knows.
-  virtual std::string last_holder() const { return {}; }
+  /// Has nobody else had it since this process had it last? False where nobody knows.
+  virtual bool was_ours() const { return false; }
 };
 
 /// Every access to files of our own goes through here (foreign image and mesh libraries excepted),
@@ -121,6 +121,11 @@ class FileSystem {
   virtual void resize(const std::string& path, std::uint64_t size_bytes) = 0;
   /// Whether files can be made in this folder.
   virtual bool is_writable(const std::string& folder) = 0;
+  /// May whoever may make files in this folder write to the file at `path`, too, as their modes
+  /// say? False where lists of access might say otherwise.
+  virtual bool lets_all_write(const std::string& /*path*/, const std::string& /*folder*/) {
+    return false;
+  }
   /// Size of the file system that holds the folder; 0 = it has none.
   virtual std::uint64_t disk_bytes(const std::string& folder) = 0;
   /// Room that files of this user may still take there; UINT64_MAX = nobody knows.

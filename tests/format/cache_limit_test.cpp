@@ -7,6 +7,7 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <iomanip>
 
 #include "pounce/cache.h"
 #include "store/cache/cache_space.h"
@@ -352,6 +353,46 @@ TEST_CASE("a pack more does not cost a look at all that are there", "[format]") 
   // Some 200 files, each second and at the beginning. Looking each time would be 10,000.
   CHECK(static_cast<double>(disk.looks) < 300 * (passed.count() + 1));
   CHECK(cache_list(root).size() == 100);
+}
+
+TEST_CASE("a lock tells whether anybody else has had it", "[format]") {
+  FileSystem& files = posix_file_system();
+  const test::TempFolder folder;
+  const std::string path = folder.file("space.lock");
+  CHECK_FALSE(files.try_lock(path)->was_ours());
+  CHECK(files.try_lock(path)->was_ours());
+  // As a process of the same number writes it, in a container or on another machine.
+  std::ofstream(path) << std::left << std::setw(12) << ::getpid() << "\n"
+                      << std::string(32, '0') << "\n";
+  CHECK_FALSE(files.try_lock(path)->was_ours());
+  CHECK(files.try_lock(path)->was_ours());
+  test::Child child([&](const auto& ready) {
+    files.try_lock(path).reset();
+    ready();
+    for (;;) ::pause();
+  });
+  REQUIRE(child.ready());
+  CHECK_FALSE(files.try_lock(path)->was_ours());
+}
+
+TEST_CASE("whoever may lock must be able to say so", "[format]") {
+  FileSystem& files = posix_file_system();
+  const test::TempFolder folder;
+  const std::string parts = folder.file("tmp"), lock = folder.file("space.lock");
+  fs::create_directory(parts);
+  std::ofstream(lock) << "1";
+  const auto lets = [&](unsigned parts_mode, unsigned lock_mode) {
+    fs::permissions(parts, static_cast<fs::perms>(parts_mode));
+    fs::permissions(lock, static_cast<fs::perms>(lock_mode));
+    return files.lets_all_write(lock, parts);
+  };
+  CHECK(lets(0755, 0644));
+  CHECK(lets(0775, 0664));
+  CHECK(lets(0777, 0666));
+  CHECK_FALSE(lets(0777, 0644));  // the second user's lock is only opened for reading
+  CHECK_FALSE(lets(0775, 0644));
+  CHECK_FALSE(lets(0777, 0664));
+  CHECK_FALSE(files.lets_all_write(folder.file("none"), parts));
 }
 
 TEST_CASE("what others add is seen although nobody looks", "[format]") {

@@ -124,6 +124,9 @@ class FailingFileSystem : public FileSystem {
     step("resize");
     real_.resize(path, size_bytes);
   }
+  bool lets_all_write(const std::string& path, const std::string& folder) override {
+    return real_.lets_all_write(path, folder);
+  }
   bool is_writable(const std::string& folder) override { return real_.is_writable(folder); }
   std::uint64_t disk_bytes(const std::string& folder) override { return real_.disk_bytes(folder); }
   std::uint64_t free_bytes(const std::string& folder) override { return real_.free_bytes(folder); }

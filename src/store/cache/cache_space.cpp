@@ -8,8 +8,10 @@
 //
 // A look costs a call for each file, and a job may add thousands. So a process that had the lock
 // last adds to what its last look has found: others that grow a file must have had the lock in
-// between, and those that remove one leave more room than is known. A second later it looks again,
-// since other programs need no lock.
+// between, and have written that into its file. Those that remove one leave more room than is
+// known. It looks again a second later, and near the limit each time: other programs need no lock,
+// nor do small files of other processes. Where somebody might lock the file who cannot write to it,
+// as in folders that users share, it looks each time.
 //
 // What goes first is what was used longest ago, by the time that find() sets on a pack. A pack that
 // some process has open stays whatever the limit says: removing it would free nothing.
@@ -126,6 +128,8 @@ constexpr std::uint64_t kUnwrittenBytes = 1 << 20;
 constexpr std::uint64_t kStepsPerLimit = 64;
 constexpr std::uint64_t kSmallestStep = 64 << 10, kLargestStep = 16 << 20;
 constexpr auto kLookAgain = std::chrono::seconds(1);
+/// The least room left for what others add meanwhile without the lock: labels, locks of keys.
+constexpr std::uint64_t kUnseenBytes = 2 << 20;
 
 /// Counts whatever this process does under a lock: its caches share its number.
 std::atomic<std::uint64_t> looks{0};
@@ -238,7 +242,7 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
   CacheScan scan = scan_cache(files_, layout_);
   const std::uint64_t own = room_bytes(reserved_bytes);
   const std::uint64_t beside = std::max<std::uint64_t>(scan.parts, 1) * kBesideBytes;
-  const std::uint64_t step = std::clamp(limit_bytes_ / kStepsPerLimit, kSmallestStep, kLargestStep);
+  const std::uint64_t step = step_bytes();
   // A disk that fills up is a lower limit. What parts reserved and did not write yet is still free.
   const std::uint64_t free = files_.free_bytes(layout_.folder());
   const std::uint64_t unwritten = std::max<std::uint64_t>(scan.parts, 1) * (step + kUnwrittenBytes);
@@ -273,17 +277,17 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
 std::uint64_t CacheSpace::reserve_unseen(const FileLock& held, const std::string& part,
                                          std::uint64_t reserved_bytes, std::uint64_t size_bytes) {
   const auto now = std::chrono::steady_clock::now();
-  if (!known_ || known_->look != looks || held.last_holder() != std::to_string(::getpid()) ||
-      now - known_->seen > kLookAgain)
+  if (!known_ || known_->look != looks || !held.was_ours() || now - known_->seen > kLookAgain ||
+      !files_.lets_all_write(layout_.space_lock(), layout_.parts_folder()))
     return 0;
   // Of a pack that grows large in few steps.
-  const std::uint64_t size = size_bytes + std::min(size_bytes / 2, kLargestStep);
+  const std::uint64_t size = size_bytes + std::min(size_bytes / 2, step_bytes());
   // The room beside counts for each file that is begun.
   const std::uint64_t growth =
       room_bytes(size) - room_bytes(reserved_bytes) + (reserved_bytes == 0 ? kBesideBytes : 0);
   known_->total_bytes += growth;
   known_->unwritten_bytes += growth + kUnwrittenBytes;
-  if (known_->total_bytes > limit_bytes_ ||
+  if (known_->total_bytes + std::max(kUnseenBytes, step_bytes()) > limit_bytes_ ||
       known_->unwritten_bytes > files_.free_bytes(layout_.folder()))
     return 0;
   try {
@@ -292,6 +296,10 @@ std::uint64_t CacheSpace::reserve_unseen(const FileLock& held, const std::string
     return 0;  // as where files may not be that long: a look asks for less
   }
   return size;
+}
+
+std::uint64_t CacheSpace::step_bytes() const {
+  return std::clamp(limit_bytes_ / kStepsPerLimit, kSmallestStep, kLargestStep);
 }
 
 Evicted CacheSpace::evict(std::uint64_t most_bytes,

@@ -115,6 +115,7 @@ class CacheSpace {
   Evicted evict_locked(CacheScan& scan, std::uint64_t most_bytes,
                        const std::function<bool(const CachedObject&)>& unwanted);
   std::unique_ptr<FileLock> lock();
+  std::uint64_t step_bytes() const;  ///< that a file reserves beyond what it needs
   std::uint64_t reserve_unseen(const FileLock& held, const std::string& part,
                                std::uint64_t reserved_bytes, std::uint64_t size_bytes);
 
