@@ -139,6 +139,25 @@ TEST_CASE("colours that are held times alpha are averaged so", "[flow]") {
   }
 }
 
+TEST_CASE("a normal map that is held times alpha is read without it", "[flow]") {
+  FlatScene scene("skin.exr");
+  // (0.6, 0, 0.8) everywhere, whatever the alpha beside it.
+  write_floats(scene.texture(), checker(256, {0.8, 0.5, 0.9, 1}, {0.2, 0.125, 0.225, 0.25}),
+               Depth::half);
+  scene.options.material.textures = {{Channel::normal, scene.texture()}};
+  scene.options.channels.transferred = {Channel::normal};
+  scene.options.output = scene.folder.file("out.exr");
+  for (const ImageSize size : {ImageSize{256, 256}, ImageSize{100, 100}, ImageSize{400, 400}}) {
+    scene.options.image.size = size;
+    transfer(scene.options);
+    const WholeImage out = read_whole_image(scene.options.output);
+    CAPTURE(size.width);
+    CHECK(off(out, 0, 0.8) <= 2e-3);
+    CHECK(off(out, 1, 0.5) <= 2e-3);
+    CHECK(off(out, 2, 0.9) <= 2e-3);
+  }
+}
+
 TEST_CASE("a mean is taken of what the file holds, and converted once", "[flow]") {
   FlatScene scene("skin.png");
   write_whole_image(scene.texture(), checker(256, {1, 1, 1}, {0, 0, 0}));

@@ -52,8 +52,8 @@ class BlockShading {
         continue;
       }
       if (!channel.shape || is_normal(*channel.shape)) {
-        blend.packet.look_up(channel.pages, hit, texels, work.axes[texels.block], channel.format,
-                             !channel.shape, blend.window);
+        blend.packet.look_up(channel.pages, hit, texels, work.axes[texels.block],
+                             read_format(channel), !channel.shape, blend.window);
       }
       for (int lane = 0; lane < surface::kLanes; ++lane) {
         if (!is_hit(hit, texels, lane)) continue;
@@ -96,6 +96,14 @@ class BlockShading {
       ++count;
     }
     return count;
+  }
+
+  /// What the channel's images are read for. A vector of a normal map is no colour: it is read as
+  /// the map states it, never times alpha.
+  static shading::TexelFormat read_format(const ChannelOutput& channel) {
+    shading::TexelFormat format = channel.format;
+    format.premultiplied = format.premultiplied && !channel.shape;
+    return format;
   }
 
   /// What blending a block goes on with from packet to packet.
@@ -183,9 +191,7 @@ class BlockShading {
     const projection::HitPacket& hit = work.state.hits[packet];
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
     if (page.column == nullptr && page.tile_set == nullptr) return page.constant;
-    // A vector of a normal map is no colour: it is read as the map states it, never times alpha.
-    shading::TexelFormat straight = channel.format;
-    straight.premultiplied = false;
+    const shading::TexelFormat straight = read_format(channel);
     if (blend.packet.has_samples(lane)) return lanes_value(page, blend.packet, lane, straight);
     const PageImage image = image_at(page, place_of(hit, lane));
     if (image.column == nullptr) return std::nullopt;
