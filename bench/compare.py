@@ -120,6 +120,8 @@ def ratio(document, names, key):
 
 def rows_of(document):
     """(part, group, row) -> figures of pounce's own rows of a table."""
+    if not all("part" in table for table in document["tables"]):
+        sys.exit("compare.py: a table without parts, of an earlier table.py: measure that release again")
     return {(table["part"], table["group"], name): row for table in document["tables"]
             for name, row in table["rows"].items() if row["is_ours"]}
 

@@ -29,7 +29,7 @@ def per_texel(row):
 
 
 def of_heads(tables):
-    start = next((t["rows"][OURS]["wall_s"] for t in tables if t["facts"].get("start")), 0)
+    start = next((t["rows"][OURS].get("wall_s", 0) for t in tables if t["facts"].get("start")), 0)
     firsts = {}
     for table in tables:
         size, rows, title = table["facts"].get("size"), table["rows"], table["group"]

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lookups of a wide kernel in images of 16 bits, half and float: doubles, in the order of blend.cpp.
-// Included by blend_lanes.inl, inside POUNCE_ISA_NAMESPACE.
+// Lookups of a wide kernel in images of 16 bits, half and float: doubles, in the order of
+// blend.cpp. Included by blend_lanes.inl, inside POUNCE_ISA_NAMESPACE.
 //
 //   float and half     sums of doubles, operation by operation as there
-//   16 bits            sums are integers, of 58 bits where rows are summed: more than a double holds.
+//   16 bits            sums are integers, of 58 bits where rows are summed: more than a double
+//   holds.
 //                      So rows are split, high x 2^20 + low; both parts' sums are exact, and what
 //                      adds them rounds once, as turning an integer of 64 bits into a double does
 //
@@ -93,8 +94,7 @@ inline Doubles bend_deep(const Doubles& value, const Doubles& to, const Doubles&
   Doubles room = lesser(value, one - value);
   if constexpr (kIsFloat) {
     constexpr double kLargest = std::numeric_limits<float>::max();
-    room = lesser(lesser(absolute(value), absolute(one - value)),
-                  one * kLargest - absolute(value));
+    room = lesser(lesser(absolute(value), absolute(one - value)), one * kLargest - absolute(value));
   }
   const Doubles most = lesser(12.0 * lesser(absolute(to), absolute(from)), 24.0 * room);
   return lesser(greater(to - from, 0.0 - most), most);

@@ -55,6 +55,8 @@ job 0 transfer $source $target -o g.exr --size 90x70 --mipmap --tile-size 32 --e
 job 0 transfer $source $target -o g.tif --size 90x70 --tile-size 16 --onto g.tx --no-cache
 job 0 transfer $source $target -o h.exr --source-texture baseColor=f.exr --size 64 --no-cache
 job 0 transfer $source $target -o i.tif --source-texture baseColor=g.tif --size 64 --no-cache
+job 0 transfer $source $target -o i.png --source-texture baseColor=e.png --filter sharp --size 90 --no-cache
+job 0 transfer $source $target -o i.png --size 6 --cache cold --threads 3 # a level in place of the image
 job 0 transfer $source $target -o j.png --plan
 job 0 transfer $source $target -o j.exr --output-colorspace acescg --size 64 --no-cache
 job 0 transfer $source $target -o j.png --source-texture baseColor=j.exr --output-colorspace display-p3 --size 64 --no-cache
