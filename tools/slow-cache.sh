@@ -105,7 +105,7 @@ if mount -t tmpfs -o size=$((job_bytes / 2)) none "$work/disk" 2>/dev/null; then
   head -c $((job_bytes / 3)) /dev/zero >"$work/disk/others"
   check "a disk that others fill" transfer a "$work/full.png" --cache "$work/disk/cache" --cache-limit 1GiB --temp "$work" 2>"$work/log"
   check "a disk that others fill: the same picture" cmp -s "$work/full.png" "$work/a.png"
-  check "a disk that others fill: said once" test "$(grep -c 'free on the disk' "$work/log")" = 1
+  check "a disk that others fill: said once" test "$(grep -c 'free disk space' "$work/log")" = 1
   umount "$work/disk"
   mount -t tmpfs -o size=64m none "$work/disk"
   transfer a "$work/x.png" --cache "$work/disk/cache" --cache-limit none 2>/dev/null
@@ -114,7 +114,7 @@ if mount -t tmpfs -o size=$((job_bytes / 2)) none "$work/disk" 2>/dev/null; then
   check "a read-only cache is read" test "$(field images_decoded "$work/ro.json")" = 0
   transfer b "$work/ro.png" --cache "$work/disk/cache" 2>"$work/log"
   check "a read-only cache does not stop another job" cmp -s "$work/ro.png" "$work/b.png"
-  check "and that is said once" test "$(grep -c 'cannot be written' "$work/log")" = 1
+  check "and that is said once" test "$(grep -c 'not writable' "$work/log")" = 1
   # A cache that users share: nobody uses, and removes, what root made.
   transfer a "$work/x.png" --cache "$work/shared" 2>/dev/null
   chmod 755 "$work" && find "$work/shared" -type d -exec chmod 777 {} + && mkdir -m 777 "$work/nobody"
