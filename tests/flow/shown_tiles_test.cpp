@@ -182,6 +182,28 @@ TEST_CASE("rows after the last that is shown are not decoded") {
   CHECK_THROWS_AS(transfer(scene.options), Error);
 }
 
+TEST_CASE("an image that changes after it was planned for is refused") {
+  // Stored as a level, in part and whole.
+  const auto [at, size, target] = GENERATE(table<Vec2f, float, std::uint32_t>(
+      {{{0.01F, 0.01F}, 0.98F, 40}, {{0.4F, 0.3F}, 0.2F, 200}, {{0.01F, 0.01F}, 0.98F, 400}}));
+  const std::uint32_t width = GENERATE(450, 1800);
+  Scene scene(sheet(at, size), sheet({0.01F, 0.01F}, 0.98F), target);
+  Progress progress;
+  bool replaced = false;
+  progress.on_event = [&](const ProgressEvent& event) {
+    if (replaced || !event.stage.starts_with("source colours")) return;
+    replaced = true;
+    write_whole_image(
+        scene.folder.file("skin.png"),
+        {width, 700, 3, false, std::vector<double>(std::size_t{width} * 700 * 3, 0.5)});
+  };
+  std::string message;
+  CHECK(error_kind([&] { transfer(scene.options, &progress); }, &message) ==
+        exit_status(ErrorKind::input));
+  CHECK(replaced);
+  CHECK(message.find("skin.png") != std::string::npos);
+}
+
 TEST_CASE("an image that cannot be read ends those that are read beside it") {
   Scene scene(sheet({0.01F, 0.01F}, 0.98F), sheet({0.01F, 0.01F}, 0.98F), 100);
   const std::string rough = scene.folder.file("rough.png");

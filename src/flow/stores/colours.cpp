@@ -73,6 +73,12 @@ store::ColourDirectory column_of(const ColourRequest& request) {
   return shading::level_of(image_directory(request), request.level);
 }
 
+bool is_same(const io::ImageInfo& a, const io::ImageInfo& b) {
+  return a.width == b.width && a.height == b.height && a.channels == b.channels &&
+         a.depth == b.depth && a.linear == b.linear && a.has_alpha == b.has_alpha &&
+         a.premultiplied == b.premultiplied;
+}
+
 /// Rows of a level of an image, made while the image's own go by.
 class LevelRows {
  public:
@@ -122,6 +128,9 @@ class ColumnBuilder {
         wanted_(request.wanted.get()),
         lease_(std::move(lease)) {
     const io::ImageInfo& info = reader_.info();
+    // Levels, tiles and leases were planned for what its header said then.
+    if (!is_same(info, *request.info))
+      throw Error(ErrorKind::input, request.image->label + ": the file changed while it was read");
     image_ = column_of(request);
     if (image_.premultiplied) reader_.keep_premultiplied();
     row_bytes_ = image_.width * image_.texel_bytes();
