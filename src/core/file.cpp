@@ -332,8 +332,8 @@ class PosixFileSystem final : public FileSystem {
   }
 
   bool lets_all_write(const std::string& path, const std::string& folder) override {
-    struct stat file {
-    }, around{};
+    struct stat file {};
+    struct stat around {};
     if (::stat(path.c_str(), &file) != 0 || ::stat(folder.c_str(), &around) != 0) return false;
     const mode_t writers = around.st_mode & (S_IWUSR | S_IWGRP | S_IWOTH);
     const bool same_group = (writers & S_IWGRP) == 0 || file.st_gid == around.st_gid;

@@ -61,6 +61,13 @@ struct FileStatus {
   bool is_folder = false;
 };
 
+/// Is it the same file, and has nobody written to it, as far as its file system says?
+inline bool is_unchanged(const FileStatus& before, const FileStatus& now) {
+  return before.device == now.device && before.inode == now.inode &&
+         before.size_bytes == now.size_bytes && before.modified_ns == now.modified_ns &&
+         before.changed_ns == now.changed_ns;
+}
+
 /// A lock on a path. Released when destroyed or when the process dies, however it dies.
 class FileLock {
  public:

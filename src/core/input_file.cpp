@@ -30,9 +30,7 @@ class SharedFile final : public ReadFile {
 };
 
 bool is_same(const std::optional<FileStatus>& a, const std::optional<FileStatus>& b) {
-  return a && b && a->device == b->device && a->inode == b->inode &&
-         a->size_bytes == b->size_bytes && a->modified_ns == b->modified_ns &&
-         a->changed_ns == b->changed_ns;
+  return a && b && is_unchanged(*a, *b);
 }
 
 }  // namespace

@@ -129,15 +129,4 @@ double texel_area(const Mesh& mesh, const Lattice& lattice,
   return doubled / 2;
 }
 
-double surface_area(const Mesh& mesh, std::span<const std::uint32_t> triangles) {
-  double doubled = 0;
-  for (const std::uint32_t triangle : triangles) {
-    const auto& corners = mesh.triangles[triangle];
-    const Vec3d first(mesh.positions[corners[0]]);
-    doubled += length(cross(Vec3d(mesh.positions[corners[1]]) - first,
-                            Vec3d(mesh.positions[corners[2]]) - first));
-  }
-  return doubled / 2;
-}
-
 }  // namespace pounce::mesh

@@ -79,7 +79,5 @@ void add_touched(const Mesh& mesh, const Lattice& lattice, std::span<const std::
 /// each.
 double texel_area(const Mesh& mesh, const Lattice& lattice,
                   std::span<const std::uint32_t> triangles);
-/// Their area on the surface, in squares of the mesh's unit.
-double surface_area(const Mesh& mesh, std::span<const std::uint32_t> triangles);
 
 }  // namespace pounce::mesh

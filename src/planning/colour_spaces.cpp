@@ -29,6 +29,7 @@
 #include "job/run_job.h"
 #include "planning/name_patterns.h"
 #include "planning/texture_meaning.h"
+#include "store/blocks/colour_store.h"
 
 namespace pounce::planning {
 namespace {
@@ -218,7 +219,7 @@ bool ColourSpaces::is_by_config(Channel channel) const {
 
 void ColourSpaces::choose(const SourceLook& look, const std::optional<io::ImageInfo>& onto,
                           ChannelPlan& plan, std::vector<std::string>& notes) {
-  const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
+  const bool float_out = store::is_float(plan.format.depth);
   // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
   const bool is_exr = io::is_exr(output_of(options_, plan.channel), plan.format.depth);
   plan.format.linear = is_exr || (float_out && (onto ? onto->space().linear : look.linear));

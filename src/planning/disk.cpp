@@ -75,8 +75,7 @@ void DiskPlan::add_seen_column(const io::ImageInfo& info, bool in_part) {
   for (std::uint32_t level = 1; level <= last; ++level) {
     const store::ColourDirectory of_level = shading::level_of(image, level);
     const std::uint64_t bytes = column_bytes(of_level);
-    const std::uint64_t tiles = std::uint64_t{of_level.tiles_x()} * of_level.tiles_y();
-    const bool is_small = keeps_ && tiles <= kFewTiles;
+    const bool is_small = keeps_ && has_few_tiles(of_level);
     if (is_small) small_levels_ += bytes;
     // One of the small ones may be stored in the image's place: the first is the largest.
     if (!is_small || !any_small) stores_ += bytes;

@@ -23,6 +23,7 @@
 #include "planning/plan.h"
 #include "planning/texture_meaning.h"
 #include "pounce/error.h"
+#include "store/blocks/colour_store.h"
 
 namespace pounce::planning {
 namespace {
@@ -297,7 +298,7 @@ void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
                     "to --onto, or transfer {} in a separate run",
                     option, name, options.composite.onto, plan.format.channels, samples, name));
   }
-  const bool is_float = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
+  const bool is_float = store::is_float(plan.format.depth);
   if (plan.channel == Channel::confidence || is_float) return;
   throw Error(ErrorKind::usage, fmt::format("{} {}: signed values need half or float samples, but "
                                             "{} would hold {}; write .exr or .tif{}",

@@ -16,6 +16,7 @@
 
 #include "projection/footprint.h"
 #include "shading/mip_levels.h"
+#include "surface/strewn_places.h"
 
 namespace pounce::planning {
 namespace {
@@ -59,7 +60,7 @@ void add_shown(const SourcePlan& plan, const PassPlan& pass, const ChannelPlan& 
 /// Texels of one page's image per unit of area; 0: nobody can say.
 double density(const surface::GeometryRequest& request, std::size_t page) {
   const auto triangles = request.triangles->of(request.first_page + page);
-  const double area = mesh::surface_area(*request.mesh, triangles);
+  const double area = surface::surface_area(*request.mesh, triangles);
   return area > 0 ? mesh::texel_area(*request.mesh, request.pages[page], triangles) / area : 0;
 }
 

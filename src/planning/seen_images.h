@@ -10,12 +10,16 @@
 
 #include "mesh/lattice.h"
 #include "planning/plan.h"
+#include "store/blocks/colour_store.h"
 
 namespace pounce::planning {
 
 /// So few tiles are not worth leaving out of an image, nor, of a level that is made when it is
 /// asked for, a file in the cache: it is scratch.
 inline constexpr std::uint64_t kFewTiles = 16;
+inline bool has_few_tiles(const store::ColourDirectory& image) {
+  return std::uint64_t{image.tiles_x()} * image.tiles_y() <= kFewTiles;
+}
 
 /// By SourcePlan::columns the tiles that are kept; null: all.
 using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;

@@ -332,9 +332,8 @@ Blended blend_integers(const store::ColourDirectory& image, const Around& texels
 Blended blend(const store::ColourDirectory& image, const std::byte* tile, int column, int row,
               const Taps& taps, BlendAlpha alpha) noexcept {
   const Around texels = around(tile, column, row, image.texel_bytes());
-  return image.depth == Depth::u8 || image.depth == Depth::u16
-             ? blend_integers(image, texels, taps)
-             : blend_floats(image, texels, taps, alpha);
+  return store::is_float(image.depth) ? blend_floats(image, texels, taps, alpha)
+                                      : blend_integers(image, texels, taps);
 }
 
 namespace {

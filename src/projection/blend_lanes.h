@@ -48,7 +48,6 @@ struct LookedUp {
   Depth depth = Depth::u8;
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
   std::size_t texel_bytes() const { return channels * store::depth_bytes(depth); }
-  bool is_float() const { return depth == Depth::half || depth == Depth::float32; }
 };
 
 /// One lookup of sixteen texels.
@@ -156,7 +155,7 @@ void add_lookups(const BlendLanes& kernels, double keys, const LookupsLanes& set
         places.set_place(lane, placed(places.x[lane], in.level_width, in.wrap_u),
                          placed(places.y[lane], in.level_height, in.wrap_v), in.texel_bytes());
       });
-      if (in.is_float()) places.settle();
+      if (store::is_float(in.depth)) places.settle();
       for_each_tile(places, tile_at, [&](const std::byte* tile, const auto& share, unsigned) {
         kernels.add[static_cast<std::size_t>(in.depth)][in.channels - 1](tile, places, share, keys,
                                                                          sharpening, means);

@@ -3,11 +3,10 @@
 // Lookups of a wide kernel in images of 16 bits, half and float: doubles, in the order of
 // blend.cpp. Included by blend_lanes.inl, inside POUNCE_ISA_NAMESPACE.
 //
-//   float and half     sums of doubles, operation by operation as there
-//   16 bits            sums are integers, of 58 bits where rows are summed: more than a double
-//   holds.
-//                      So rows are split, high x 2^20 + low; both parts' sums are exact, and what
-//                      adds them rounds once, as turning an integer of 64 bits into a double does
+// Sums of float and half samples are doubles, operation by operation as there. Sums of 16 bits are
+// integers, of 58 bits where rows are summed: more than a double holds. So rows are split, high x
+// 2^20 + low; both parts' sums are exact, and what adds them rounds once, as turning an integer of
+// 64 bits into a double does.
 //
 // Only the sign of a zero may differ from there, where samples are -0: who cares looks one by one.
 

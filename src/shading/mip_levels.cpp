@@ -282,8 +282,6 @@ void mean_rows(std::size_t channels, const std::byte* above, const std::byte* be
   }
 }
 
-bool is_integer(Depth depth) { return depth == Depth::u8 || depth == Depth::u16; }
-
 }  // namespace
 
 void mean_of_fours(const store::ColourDirectory& image, const std::byte* above,
@@ -295,7 +293,8 @@ void mean_of_fours(const store::ColourDirectory& image, const std::byte* above,
 
 bool is_halved_evenly(const store::ColourDirectory& image, std::uint32_t level) {
   const std::uint32_t multiple = 1U << level;
-  return is_integer(image.depth) && image.width % multiple == 0 && image.height % multiple == 0;
+  return !store::is_float(image.depth) && image.width % multiple == 0 &&
+         image.height % multiple == 0;
 }
 
 LevelAxis::LevelAxis(std::uint32_t tile, std::uint32_t size, mesh::Wrap wrap)
@@ -320,7 +319,7 @@ void fill_level_tile(const store::ColourDirectory& image, const store::ColourTil
                      std::uint32_t tile_x, std::uint32_t tile_y, const LevelAxis& columns,
                      const LevelAxis& rows, std::span<std::byte> tile) {
   const std::size_t texel = image.texel_bytes(), sample = store::depth_bytes(image.depth);
-  const bool in_fours = is_integer(image.depth) && columns.total == 2 && rows.total == 2;
+  const bool in_fours = !store::is_float(image.depth) && columns.total == 2 && rows.total == 2;
   for (std::size_t r = 0; r < rows.texels.size(); ++r) {
     const LevelAxis::Texel& row = rows.texels[r];
     if (!row.used || row.tile != tile_y) continue;

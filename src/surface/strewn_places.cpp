@@ -59,6 +59,13 @@ double surface_area(const mesh::Mesh& mesh) {
   return area;
 }
 
+double surface_area(const mesh::Mesh& mesh, std::span<const std::uint32_t> triangles) {
+  double area = 0;
+  for (const std::uint32_t triangle : triangles)
+    area += Triangle(mesh, mesh.triangles[triangle]).area;
+  return area;
+}
+
 std::vector<Place> strew(const mesh::Mesh& mesh, std::size_t count) {
   // A sum that is not finite comes from broken positions; then there are no places to judge by.
   const double all = surface_area(mesh);

@@ -30,6 +30,8 @@ std::vector<Place> strew(const mesh::Mesh& mesh, std::size_t count = kStrewnPlac
 
 /// Of all triangles, in the mesh's units squared.
 double surface_area(const mesh::Mesh& mesh);
+/// Of some.
+double surface_area(const mesh::Mesh& mesh, std::span<const std::uint32_t> triangles);
 
 /// Appends a packet for each place, and a group, since places lie far apart: the first lane looks
 /// for it as a texel of this edge. Place i is in block i.

@@ -426,7 +426,7 @@ PacketBlend::Mask PacketBlend::like(std::size_t lane, Mask among) const {
 /// The lanes, of one float image, that have a 0 whose sign may not be that of one lookup alone.
 PacketBlend::Mask PacketBlend::signed_zeros(std::size_t first, Mask lanes) const {
   const store::ColourDirectory& image = images_[first].directory();
-  if (image.depth == Depth::u8 || image.depth == Depth::u16) return 0;
+  if (!store::is_float(image.depth)) return 0;
   Mask out = 0;
   for_each_lane(lanes, [&](std::size_t lane) {
     for (std::size_t c = 0; c < image.channels; ++c)
@@ -469,7 +469,6 @@ void PacketBlend::add_single(std::size_t first, Mask lanes, bool rounds, ColourW
   const ColourCache& column = *images_[first].column;
   const store::ColourDirectory& image = column.store().directory();
   const std::size_t channels = image.channels;
-  const bool is_float = image.depth == Depth::half || image.depth == Depth::float32;
   places_.offset.fill(0);
   places_.share.fill(0);
   places_.active = lanes;
@@ -477,7 +476,7 @@ void PacketBlend::add_single(std::size_t first, Mask lanes, bool rounds, ColourW
     places_.set_place(lane, images_[lane].x, images_[lane].y, image.texel_bytes());
     places_.share[lane] = 1;
   });
-  if (is_float) places_.settle();
+  if (store::is_float(image.depth)) places_.settle();
   const auto* const sharpened = sharpening(lanes);
   projection::for_each_tile(
       places_, [&](std::uint32_t x, std::uint32_t y) { return window.tile(column, x, y); },

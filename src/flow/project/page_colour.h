@@ -268,7 +268,7 @@ class ColourWindow {
     const std::int32_t tile_x = std::max(x.texel, 0) / mesh::kBlockEdge,
                        tile_y = std::max(y.texel, 0) / mesh::kBlockEdge;
     const store::ColourDirectory& image = column.store().directory();
-    const bool floats = image.depth == Depth::half || image.depth == Depth::float32;
+    const bool floats = store::is_float(image.depth);
     return {&image,
             tile(column, static_cast<std::uint32_t>(tile_x), static_cast<std::uint32_t>(tile_y)),
             x.texel - tile_x * mesh::kBlockEdge,

@@ -108,7 +108,7 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
   const store::ColourDirectory image = shading::level_of(source, 1);
   const Hash128 key = level_key(image_key, level);
   // Of a few tiles, making them again costs less than a file.
-  const bool is_small = image.tiles_x() * image.tiles_y() <= planning::kFewTiles;
+  const bool is_small = planning::has_few_tiles(image);
   store::StoreFolder& stores = is_small ? *job_.scratch : *job_.stores;
   std::unique_ptr<store::ColourStore> found;
   if (!is_small) {

@@ -242,7 +242,7 @@ class ColumnBuilder {
 
   /// Float samples: NaN and infinity become 0, counted.
   void clean(std::byte* samples, std::size_t count) {
-    if (image_.depth == Depth::u8 || image_.depth == Depth::u16) return;
+    if (!store::is_float(image_.depth)) return;
     const std::size_t size = store::depth_bytes(image_.depth);
     for (std::size_t i = 0; i < count; ++i) {
       std::byte* const at = samples + i * size;

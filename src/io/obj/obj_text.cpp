@@ -397,7 +397,7 @@ class CountedFiles {
   std::optional<ObjCounts> find(const std::string& path, const FileStatus& status) {
     const std::lock_guard lock(mutex_);
     for (const Counted& file : files_) {
-      if (file.path == path && is_same(file.status, status)) return file.counts;
+      if (file.path == path && is_unchanged(file.status, status)) return file.counts;
     }
     return std::nullopt;
   }
@@ -412,10 +412,6 @@ class CountedFiles {
     FileStatus status;
     ObjCounts counts;
   };
-  static bool is_same(const FileStatus& a, const FileStatus& b) {
-    return a.size_bytes == b.size_bytes && a.modified_ns == b.modified_ns &&
-           a.changed_ns == b.changed_ns && a.device == b.device && a.inode == b.inode;
-  }
 
   std::mutex mutex_;
   std::array<Counted, 4> files_;  ///< the one longest ago is replaced

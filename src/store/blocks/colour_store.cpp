@@ -57,9 +57,9 @@ ColourDirectory decode_directory(std::span<const std::byte> raw, const std::stri
   }
   d.depth = static_cast<Depth>(depth);
   // Users are warned of these: integers have none, and no image more than it has samples.
-  const bool is_float = d.depth == Depth::half || d.depth == Depth::float32;
   const std::uint64_t samples = std::uint64_t{d.width} * d.height * d.channels;
-  if (d.nonfinite > (is_float ? samples : 0)) in.fail("counts more non-finite samples than it has");
+  if (d.nonfinite > (is_float(d.depth) ? samples : 0))
+    in.fail("counts more non-finite samples than it has");
   d.linear = linear != 0;
   d.has_alpha = alpha > 0;
   d.premultiplied = alpha > 1;
@@ -80,7 +80,7 @@ bool is_of(const ColourDirectory& d, const ColourDirectory& image) {
 /// Float samples are summed as mantissas and exponents (projection/blend.cpp), which NaN and
 /// infinity have not.
 bool are_finite(const ColourDirectory& image, std::span<const std::byte> tile) {
-  if (image.depth == Depth::u8 || image.depth == Depth::u16) return true;
+  if (!is_float(image.depth)) return true;
   const std::size_t size = depth_bytes(image.depth);
   for (std::size_t at = 0; at < tile.size(); at += size) {
     float sample;

@@ -26,6 +26,7 @@ inline constexpr std::uint32_t kLargestImageSide = 65536;
 inline constexpr std::uint32_t kTallestColumn = 1U << 20, kMostSamples = 5;
 
 std::size_t depth_bytes(Depth depth);
+constexpr bool is_float(Depth depth) { return depth == Depth::half || depth == Depth::float32; }
 
 /// One channel's image as a column of tiles.
 struct ColourDirectory {
