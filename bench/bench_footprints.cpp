@@ -119,12 +119,13 @@ void blend_footprints(benchmark::State& state, const char* isa) {
   }
   const FootprintInput input;
   const double keys = projection::keys_of(projection::cubic);
-  const projection::LookedUp in{kImageSize, kImageSize, kImageSize, kImageSize, 3};
+  const projection::LookedUp in{kImageSize, kImageSize, kImageSize, kImageSize};
   const projection::Sixteen<std::int32_t> last_level{};
   projection::FootprintLanes footprints{};
-  projection::MiddlesLanes middles{};
+  projection::Vec2Lanes middles{};
   projection::FootprintLookupsLanes lookups{};
   projection::PlacesLanes places{};
+  projection::WeightsLanes weights{};
   projection::Sixteen<std::uint32_t> texels{};
   for (auto _ : state) {
     for (const Packet& packet : input.packets()) {
@@ -139,9 +140,15 @@ void blend_footprints(benchmark::State& state, const char* isa) {
       kernels->lookups(footprints, last_level, lookups);
       projection::MeansLanes means{};
       const bool sharpens = (lookups.across[0] | lookups.down[0]) != 0;
-      projection::add_lookups(
+      projection::for_each_lookup(
           *kernels, keys, lookups.sets[0], sharpens ? &lookups : nullptr, in, middles, 0xFFFF,
-          [&](std::uint32_t x, std::uint32_t y) { return input.tile(x, y); }, places, means);
+          places, weights, [&] {
+            projection::for_each_tile(
+                places, [&](std::uint32_t x, std::uint32_t y) { return input.tile(x, y); },
+                [&](const std::byte* tile, const auto& share, unsigned) {
+                  kernels->add[0][2](tile, places, weights, share, means);
+                });
+          });
       kernels->round_means(means, 3, texels);
       benchmark::DoNotOptimize(texels);
     }

@@ -33,8 +33,7 @@ void PlacesLanes::settle() {
   }
 }
 
-void PlacesLanes::set_place(std::size_t lane, Coordinate at_x, Coordinate at_y,
-                            std::size_t texel_bytes) {
+void PlacesLanes::set_place(std::size_t lane, Coordinate at_x, Coordinate at_y) {
   // Texel -1 belongs to the first tile's apron.
   const std::int32_t tile_x = std::max(at_x.texel, 0) / mesh::kBlockEdge,
                      tile_y = std::max(at_y.texel, 0) / mesh::kBlockEdge;
@@ -45,7 +44,7 @@ void PlacesLanes::set_place(std::size_t lane, Coordinate at_x, Coordinate at_y,
   rest_x[lane] = at_x.rest;
   rest_y[lane] = at_y.rest;
   tile[lane] = tile_y * 65536 + tile_x;
-  offset[lane] = (row * store::kColourTileEdge + column) * static_cast<std::int32_t>(texel_bytes);
+  offset[lane] = row * store::kColourTileEdge + column;
 }
 
 }  // namespace pounce::projection

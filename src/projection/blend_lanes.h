@@ -13,6 +13,7 @@
 #include "pounce/options.h"
 #include "projection/blend.h"
 #include "projection/footprint.h"
+#include "projection/hit_packet.h"
 #include "store/blocks/colour_store.h"
 #include "surface/target_block.h"
 
@@ -20,6 +21,16 @@ namespace pounce::projection {
 
 template <class T>
 using Sixteen = std::array<T, surface::kLanes>;
+
+/// Vec2d of sixteen texels.
+struct alignas(64) Vec2Lanes {
+  Sixteen<double> x, y;
+};
+
+/// TexelAxes of sixteen texels.
+struct alignas(64) AxesLanes {
+  std::array<Sixteen<float>, 3> x, y;
+};
 
 /// Footprint of sixteen texels.
 struct alignas(64) FootprintLanes {
@@ -44,10 +55,8 @@ struct alignas(64) FootprintLookupsLanes {
 struct LookedUp {
   std::uint32_t width = 0, height = 0;              ///< of the image that places are texels of
   std::uint32_t level_width = 0, level_height = 0;  ///< of what is looked up in
-  std::size_t channels = 0;
-  Depth depth = Depth::u8;
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
-  std::size_t texel_bytes() const { return channels * store::depth_bytes(depth); }
+  bool is_float = false;  ///< samples are halves or floats: places near a centre are it
 };
 
 /// One lookup of sixteen texels.
@@ -56,13 +65,21 @@ struct alignas(64) PlacesLanes {
   Sixteen<double> rest_x, rest_y;  ///< of them beyond the texel
   Sixteen<double> share;           ///< of the result; 0 in lanes without lookup
   Sixteen<std::int32_t> tile;      ///< its row * 65536 + its column
-  Sixteen<std::int32_t> offset;    ///< in the tile, in bytes, of the first of 4x4 texels
+  Sixteen<std::int32_t> offset;    ///< in the tile, in texels, of the first of 4x4 texels
   unsigned active = 0;             ///< lanes that have a lookup
   unsigned outside = 0;            ///< of these the ones beyond the image: set_place() says where
 
-  void set_place(std::size_t lane, Coordinate at_x, Coordinate at_y, std::size_t texel_bytes);
+  void set_place(std::size_t lane, Coordinate at_x, Coordinate at_y);
   /// Of float images: places near a centre are it, see settled().
   void settle();
+};
+
+/// Taps of sixteen texels: the same for all images that are looked up there.
+struct alignas(64) WeightsLanes {
+  enum class Kind : std::uint8_t { tent, wide, sharpened };
+  Kind kind = Kind::wide;
+  std::array<Sixteen<std::int32_t>, 4> across, down;  ///< of a tent `across` alone: of the square
+  std::array<Sixteen<std::int32_t>, 2> move_across, move_down;  ///< where sharpened
 };
 
 /// Sums of sixteen texels, by channel.
@@ -72,27 +89,33 @@ using MeansLanes = std::array<Sixteen<double>, 4>;
 /// one texel. noexcept and thread-safe.
 struct BlendLanes {
   const char* isa;  ///< "sse2", "avx2", "avx512"
+  /// footprint_of() the hits on texels with these axes, times `scale`; 0 but in `lanes`.
+  void (*footprints)(const HitPacket& hit, const AxesLanes& axes, const Vec2Lanes& scale,
+                     unsigned lanes, FootprintLanes& out);
   /// lookups_of(), for images of so many levels.
   void (*lookups)(const FootprintLanes& footprints, const Sixteen<std::int32_t>& last_level,
                   FootprintLookupsLanes& out);
   /// The lookups number `a` along the first side and `b` along the second of the lanes in `lanes`
   /// that have so many, around these places.
-  void (*place)(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& middle_x,
-                const Sixteen<double>& middle_y, int a, int b, unsigned lanes, PlacesLanes& out);
+  void (*place)(const LookupsLanes& set, const LookedUp& in, const Vec2Lanes& middles, int a, int b,
+                unsigned lanes, PlacesLanes& out);
+  /// The weights of lookups at `places`. `keys` is the kernel's a, or kTent. Null: no sharpening,
+  /// else that of each lane; of tents there is none.
+  void (*weigh)(const PlacesLanes& places, double keys, const FootprintLookupsLanes* sharpening,
+                WeightsLanes& out);
   /// Adds share x blend() to `means`, for lookups that lie in one tile; offsets of the other lanes
-  /// are in it, too, and their share is 0. By depth, and channels less 1. `keys` is the kernel's a,
-  /// or kTent, of 8 bits alone. Null: no sharpening, else that of each lane; of tents there is
-  /// none. Where samples of floats are -0, what is 0 may have another sign than there.
+  /// are in it, too, and their share is 0. By depth, and channels less 1. Tents are of 8 bits
+  /// alone. Where samples of floats are -0, what is 0 may have another sign than there.
   using Add = void (*)(const std::byte* tile, const PlacesLanes& places,
-                       const Sixteen<double>& share, double keys,
-                       const FootprintLookupsLanes* sharpening, MeansLanes& means);
+                       const WeightsLanes& weights, const Sixteen<double>& share,
+                       MeansLanes& means);
   std::array<std::array<Add, 4>, 4> add;
   /// Rounds means of `channels` to 8 bits, as store_texel() does: four bytes for each lane.
   void (*round_means)(const MeansLanes& means, std::size_t channels,
                       Sixteen<std::uint32_t>& texels);
   /// blend_u8(): four bytes for each lane.
-  using Round = void (*)(const std::byte* tile, const PlacesLanes& places, double keys,
-                         const FootprintLookupsLanes* sharpening, Sixteen<std::uint32_t>& texels);
+  using Round = void (*)(const std::byte* tile, const PlacesLanes& places,
+                         const WeightsLanes& weights, Sixteen<std::uint32_t>& texels);
   std::array<Round, 4> round_u8;
 };
 
@@ -131,18 +154,13 @@ void for_each_tile(const PlacesLanes& places, TileAt&& tile_at, Blend&& blend) {
   }
 }
 
-/// Where sixteen texels look.
-struct alignas(64) MiddlesLanes {
-  Sixteen<double> x, y;
-};
-
-/// Adds a set of lookups of `lanes`, in one image or level, to `means`. `places` is
-/// overwritten.
-template <class TileAt>
-void add_lookups(const BlendLanes& kernels, double keys, const LookupsLanes& set,
-                 const FootprintLookupsLanes* sharpening, const LookedUp& in,
-                 const MiddlesLanes& middles, unsigned lanes, TileAt&& tile_at, PlacesLanes& places,
-                 MeansLanes& means) {
+/// visit() for each lookup of a set, of `lanes`, in one image or level: `places` and `weights` are
+/// then of that lookup.
+template <class Visit>
+void for_each_lookup(const BlendLanes& kernels, double keys, const LookupsLanes& set,
+                     const FootprintLookupsLanes* sharpening, const LookedUp& in,
+                     const Vec2Lanes& middles, unsigned lanes, PlacesLanes& places,
+                     WeightsLanes& weights, Visit&& visit) {
   std::int32_t count_a = 0, count_b = 0;
   for_each_lane(lanes, [&](std::size_t lane) {
     count_a = std::max(count_a, set.count_a[lane]);
@@ -150,16 +168,14 @@ void add_lookups(const BlendLanes& kernels, double keys, const LookupsLanes& set
   });
   for (std::int32_t a = 0; a < count_a; ++a) {
     for (std::int32_t b = 0; b < count_b; ++b) {
-      kernels.place(set, in, middles.x, middles.y, a, b, lanes, places);
+      kernels.place(set, in, middles, a, b, lanes, places);
       for_each_lane(places.outside, [&](std::size_t lane) {
         places.set_place(lane, placed(places.x[lane], in.level_width, in.wrap_u),
-                         placed(places.y[lane], in.level_height, in.wrap_v), in.texel_bytes());
+                         placed(places.y[lane], in.level_height, in.wrap_v));
       });
-      if (store::is_float(in.depth)) places.settle();
-      for_each_tile(places, tile_at, [&](const std::byte* tile, const auto& share, unsigned) {
-        kernels.add[static_cast<std::size_t>(in.depth)][in.channels - 1](tile, places, share, keys,
-                                                                         sharpening, means);
-      });
+      if (in.is_float) places.settle();
+      kernels.weigh(places, keys, sharpening, weights);
+      visit();
     }
   }
 }

@@ -37,6 +37,29 @@ using surface::kLanes;
 
 // --- footprints ----------------------------------------------------------------------------------
 
+/// The lanes' values in `lanes`, else 0: what others hold may be no number.
+inline Doubles only(IntRegister lanes, const Doubles& value) {
+  return where_less(doubles(0), doubles_of(lanes & 1), value, doubles(0));
+}
+
+void footprints(const HitPacket& hit, const AxesLanes& axes, const Vec2Lanes& scale, unsigned lanes,
+                FootprintLanes& out) {
+  for (std::size_t first = 0; first < kLanes; first += kGroup) {
+    const IntRegister used = lanes_of(lanes >> first);
+    const auto along = [&](const float(&by)[3][kLanes], const std::array<Sixteen<float>, 3>& way,
+                           const Sixteen<double>& times) {
+      const auto product = [&](std::size_t i) {
+        return doubles_at(by[i] + first) * doubles_at(way[i].data() + first);
+      };
+      return only(used, (product(0) + product(1) + product(2)) * load(times.data() + first));
+    };
+    store(out.ax.data() + first, along(hit.x_by, axes.x, scale.x));
+    store(out.ay.data() + first, along(hit.y_by, axes.x, scale.y));
+    store(out.bx.data() + first, along(hit.x_by, axes.y, scale.x));
+    store(out.by.data() + first, along(hit.y_by, axes.y, scale.y));
+  }
+}
+
 /// One side's lookups.
 struct Side {
   Doubles step_x, step_y, count;
@@ -161,8 +184,8 @@ inline Place place_along(Doubles at, std::uint32_t size, std::uint32_t level_siz
   return out;
 }
 
-void place(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& middle_x,
-           const Sixteen<double>& middle_y, int a, int b, unsigned lanes, PlacesLanes& out) {
+void place(const LookupsLanes& set, const LookedUp& in, const Vec2Lanes& middles, int a, int b,
+           unsigned lanes, PlacesLanes& out) {
   out.active = out.outside = 0;
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
     const IntRegister count_a = load_ints(set.count_a.data() + first),
@@ -177,9 +200,9 @@ void place(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& m
              (i * load(step_a.data() + first) + j * load(step_b.data() + first));
     };
     const Place x =
-        place_along(along(middle_x, set.step_ax, set.step_bx), in.width, in.level_width);
+        place_along(along(middles.x, set.step_ax, set.step_bx), in.width, in.level_width);
     const Place y =
-        place_along(along(middle_y, set.step_ay, set.step_by), in.height, in.level_height);
+        place_along(along(middles.y, set.step_ay, set.step_by), in.height, in.level_height);
     const IntRegister inside = active & x.inside & y.inside;
     const IntRegister column = x.texel & inside, row = y.texel & inside;
     constexpr std::int32_t kShift = 6, kWithin = mesh::kBlockEdge - 1;
@@ -190,9 +213,8 @@ void place(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& m
     store(out.rest_x.data() + first, x.rest);
     store(out.rest_y.data() + first, y.rest);
     store_register(out.tile.data() + first, ((row >> kShift) << 16) | (column >> kShift));
-    store_register(out.offset.data() + first, (((row & kWithin) + kFirst) * store::kColourTileEdge +
-                                               (column & kWithin) + kFirst) *
-                                                  static_cast<std::int32_t>(in.texel_bytes()));
+    store_register(out.offset.data() + first, ((row & kWithin) + kFirst) * store::kColourTileEdge +
+                                                  (column & kWithin) + kFirst);
     const Doubles is_active = doubles_of(active & 1);
     store(out.share.data() + first,
           where_less(doubles(0), is_active, load(set.share.data() + first), doubles(0)));
@@ -201,44 +223,17 @@ void place(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& m
   }
 }
 
-// --- weights -------------------------------------------------------------------------------------
+#include "projection/weight_lanes.inl"
 
-using Four = std::array<IntRegister, 4>;
+/// Where the runs of a group's lanes begin.
+using Runs = std::array<const std::byte*, kGroup>;
 
-/// Of a row of four: as keys() in blend.cpp.
-inline Four keys_of(double a, const Doubles& u) {
-  const Doubles rest = 1.0 - u;
-  const auto step = [](const Doubles& w) {
-    return truncated(w * static_cast<double>(kOne) + (kOne + 0.5)) - kOne;
-  };
-  const IntRegister before = step(a * u * rest * rest), after = step(a * u * u * rest);
-  const Doubles half = doubles(0.5);
-  const Doubles x = where_less(u, half, rest, u);
-  const IntRegister nearer = step(((a + 2) * x - (a + 3)) * x * x + 1.0);
-  const IntRegister other = kOne - before - nearer - after;
-  const IntRegister left_is_near =
-      truncated(where_less(u, half, doubles(1), doubles(0))) != 0;  // and gets what is left over
-  return {before, left_is_near ? other : nearer, left_is_near ? nearer : other, after};
-}
-
-/// What the sum takes of the moves of the two in the middle.
-struct Moves {
-  IntRegister first, second;
-};
-
-/// As sharpen_wide(), along one axis.
-inline Moves sharpen(IntRegister by, const Doubles& place, Four& weights) {
-  const Doubles all = doubles_of(by);
-  constexpr double kSteeper = 3;
-  const Doubles share = kSteeper * all * place * (1.0 - place) * (1.0 - 2.0 * place);
-  const IntRegister step =
-      truncated(share + where_less(share, doubles(0), doubles(-0.5), doubles(0.5)));
-  weights[0] -= step;
-  weights[1] += 3 * step;
-  weights[2] -= 3 * step;
-  weights[3] += step;
-  const IntRegister second = truncated(all * place + 0.5);
-  return {by - second, second};
+inline Runs runs_of(const std::byte* tile, const PlacesLanes& places, std::size_t first,
+                    std::size_t texel_bytes) {
+  Runs runs;
+  for (std::size_t lane = 0; lane < kGroup; ++lane)
+    runs[lane] = tile + static_cast<std::size_t>(places.offset[first + lane]) * texel_bytes;
+  return runs;
 }
 
 #include "projection/byte_rows.inl"
@@ -301,7 +296,7 @@ inline Doubles weighted_rows(const RowShares& shares, const Rows& rows) {
 }
 
 /// As kept_sum() of rows.
-inline Doubles column_sum(const RowShares& shares, const Rows& rows) {
+[[gnu::always_inline]] inline Doubles column_sum(const RowShares& shares, const Rows& rows) {
   const Doubles least = doubles_of(lesser(rows[1], rows[2])),
                 most = doubles_of(greater(rows[1], rows[2]));
   constexpr double kScale = kOne;
@@ -317,7 +312,8 @@ inline Doubles bend_of(const Doubles& row, const Doubles& to, const Doubles& fro
 }
 
 /// As sharpened_sum() of rows.
-inline Doubles column_sum(const RowShares& shares, const Moves& moves, const Rows& rows) {
+[[gnu::always_inline]] inline Doubles column_sum(const RowShares& shares, const Moves& moves,
+                                                 const Rows& rows) {
   const Doubles left = doubles_of(rows[1]), right = doubles_of(rows[2]);
   const Doubles between = right - left;
   const Doubles bend_left = bend_of(left, left - doubles_of(rows[0]), between),
@@ -331,19 +327,18 @@ inline Doubles column_sum(const RowShares& shares, const Moves& moves, const Row
 
 /// One lookup of the group from lane `first` on: sums by channel, in steps of 2^-40.
 template <std::size_t kChannels, bool kSharpened>
-[[gnu::always_inline]] inline std::array<Doubles, kChannels> sums_u8(
-    const std::byte* tile, const PlacesLanes& places, double a, std::size_t first,
-    const FootprintLookupsLanes* sharpening) {
-  Runs runs;
-  for (std::size_t lane = 0; lane < kGroup; ++lane) runs[lane] = tile + places.offset[first + lane];
-  const Doubles u = load(places.rest_x.data() + first), v = load(places.rest_y.data() + first);
-  Four across = keys_of(a, u), down = keys_of(a, v);
+[[gnu::always_inline]] inline std::array<Doubles, kChannels> sums_u8(const std::byte* tile,
+                                                                     const PlacesLanes& places,
+                                                                     const WeightsLanes& lanes,
+                                                                     std::size_t first) {
+  const Runs runs = runs_of(tile, places, first, kChannels);
+  const Four down = load_four(lanes.down, first);
   Moves move_across{}, move_down{};
   if constexpr (kSharpened) {
-    move_across = sharpen(load_ints(sharpening->across.data() + first), u, across);
-    move_down = sharpen(load_ints(sharpening->down.data() + first), v, down);
+    move_across = load_moves(lanes.move_across, first);
+    move_down = load_moves(lanes.move_down, first);
   }
-  const RowWeights weights(across);
+  const RowWeights weights(load_four(lanes.across, first));
   std::array<Rows, kChannels> rows;
   for (std::size_t y = 0; y < 4; ++y) {
     const auto texels = load_row<kChannels>(
@@ -370,17 +365,14 @@ struct TentSums {
   Doubles total;
 };
 
-/// As tent() in blend.cpp, of the group from lane `first` on.
+/// Of the group from lane `first` on.
 template <std::size_t kChannels>
 [[gnu::always_inline]] inline TentSums<kChannels> tent_u8(const std::byte* tile,
                                                           const PlacesLanes& places,
+                                                          const WeightsLanes& lanes,
                                                           std::size_t first) {
-  Runs runs;
-  for (std::size_t lane = 0; lane < kGroup; ++lane) runs[lane] = tile + places.offset[first + lane];
-  const Doubles u = load(places.rest_x.data() + first), v = load(places.rest_y.data() + first);
-  const auto step = [](const Doubles& w) { return truncated(w * static_cast<double>(kOne) + 0.5); };
-  const Four weights{step((1.0 - u) * (1.0 - v)), step(u * (1.0 - v)), step((1.0 - u) * v),
-                     step(u * v)};
+  const Runs runs = runs_of(tile, places, first, kChannels);
+  const Four weights = load_four(lanes.across, first);
   std::array<IntRegister, kChannels> sums{};
   for (std::size_t y = 0; y < 2; ++y) {  // the two in the middle
     const auto texels = load_row<kChannels>(
@@ -398,10 +390,10 @@ template <std::size_t kChannels>
 }
 
 template <std::size_t kChannels>
-void add_tents_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
-                  MeansLanes& means) {
+void add_tents_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
+                  const Sixteen<double>& share, MeansLanes& means) {
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    const auto tent = tent_u8<kChannels>(tile, places, first);
+    const auto tent = tent_u8<kChannels>(tile, places, weights, first);
     const Doubles by = load(share.data() + first);
     for (std::size_t c = 0; c < kChannels; ++c) {
       double* const mean = means[c].data() + first;
@@ -411,10 +403,10 @@ void add_tents_u8(const std::byte* tile, const PlacesLanes& places, const Sixtee
 }
 
 template <std::size_t kChannels>
-void round_tents_u8(const std::byte* tile, const PlacesLanes& places,
+void round_tents_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
                     Sixteen<std::uint32_t>& texels) {
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    const auto tent = tent_u8<kChannels>(tile, places, first);
+    const auto tent = tent_u8<kChannels>(tile, places, weights, first);
     const Doubles per_sum = 1.0 / tent.total;
     IntRegister texel{};
     for (std::size_t c = 0; c < kChannels; ++c)
@@ -424,10 +416,10 @@ void round_tents_u8(const std::byte* tile, const PlacesLanes& places,
 }
 
 template <std::size_t kChannels, bool kSharpened>
-void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
-                 double keys, const FootprintLookupsLanes* sharpening, MeansLanes& means) {
+void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
+                 const Sixteen<double>& share, MeansLanes& means) {
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    const auto sums = sums_u8<kChannels, kSharpened>(tile, places, keys, first, sharpening);
+    const auto sums = sums_u8<kChannels, kSharpened>(tile, places, weights, first);
     const Doubles by = load(share.data() + first);
     for (std::size_t c = 0; c < kChannels; ++c) {
       double* const mean = means[c].data() + first;
@@ -437,19 +429,20 @@ void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen
 }
 
 template <std::size_t kChannels>
-void add_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
-            double keys, const FootprintLookupsLanes* sharpening, MeansLanes& means) {
-  if (keys == kTent) return add_tents_u8<kChannels>(tile, places, share, means);
-  (sharpening != nullptr
+void add_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
+            const Sixteen<double>& share, MeansLanes& means) {
+  using Kind = WeightsLanes::Kind;
+  (weights.kind == Kind::tent ? add_tents_u8<kChannels>
+   : weights.kind == Kind::sharpened
        ? add_sums_u8<kChannels, true>
-       : add_sums_u8<kChannels, false>)(tile, places, share, keys, sharpening, means);
+       : add_sums_u8<kChannels, false>)(tile, places, weights, share, means);
 }
 
 template <std::size_t kChannels, bool kSharpened>
-void round_sums_u8(const std::byte* tile, const PlacesLanes& places, double keys,
-                   const FootprintLookupsLanes* sharpening, Sixteen<std::uint32_t>& texels) {
+void round_sums_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
+                   Sixteen<std::uint32_t>& texels) {
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    const auto sums = sums_u8<kChannels, kSharpened>(tile, places, keys, first, sharpening);
+    const auto sums = sums_u8<kChannels, kSharpened>(tile, places, weights, first);
     IntRegister texel{};
     for (std::size_t c = 0; c < kChannels; ++c)
       texel |= truncated(sums[c] * kPerSquare + 0.5) << static_cast<int>(8 * c);
@@ -458,11 +451,13 @@ void round_sums_u8(const std::byte* tile, const PlacesLanes& places, double keys
 }
 
 template <std::size_t kChannels>
-void round_u8(const std::byte* tile, const PlacesLanes& places, double keys,
-              const FootprintLookupsLanes* sharpening, Sixteen<std::uint32_t>& texels) {
-  if (keys == kTent) return round_tents_u8<kChannels>(tile, places, texels);
-  (sharpening != nullptr ? round_sums_u8<kChannels, true>
-                         : round_sums_u8<kChannels, false>)(tile, places, keys, sharpening, texels);
+void round_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
+              Sixteen<std::uint32_t>& texels) {
+  using Kind = WeightsLanes::Kind;
+  (weights.kind == Kind::tent ? round_tents_u8<kChannels>
+   : weights.kind == Kind::sharpened
+       ? round_sums_u8<kChannels, true>
+       : round_sums_u8<kChannels, false>)(tile, places, weights, texels);
 }
 
 #include "projection/deep_lanes.inl"
@@ -487,8 +482,10 @@ constexpr std::array<BlendLanes::Add, 4> kAddDeep{add_deep<1, kDepth>, add_deep<
 
 extern const BlendLanes kBlendLanes;
 const BlendLanes kBlendLanes{POUNCE_ISA_NAME,
+                             footprints,
                              lookups,
                              place,
+                             weigh,
                              {{{add_u8<1>, add_u8<2>, add_u8<3>, add_u8<4>},
                                kAddDeep<Depth::u16>,
                                kAddDeep<Depth::half>,

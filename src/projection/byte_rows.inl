@@ -28,9 +28,6 @@ inline ShortRegister greater(ShortRegister a, ShortRegister b) {
   return (ShortRegister)POUNCE_SI(max_epi16)((POUNCE_REGISTER)a, (POUNCE_REGISTER)b);
 }
 
-/// Where the runs of a group's lanes begin.
-using Runs = std::array<const std::byte*, kGroup>;
-
 /// Sixteen bytes, or eight, of the lanes `i`, `i` + 4, ...
 template <bool kSixteenBytes>
 inline POUNCE_REGISTER load_runs(const Runs& runs, std::size_t i, std::ptrdiff_t at) {
@@ -93,7 +90,9 @@ inline std::array<Pairs, kChannels> bytes_of_words(const Words& w) {
 }
 
 template <std::size_t kChannels>
-inline std::array<Pairs, kChannels> load_row(const Runs& runs, std::ptrdiff_t at, bool is_last) {
+[[gnu::always_inline]] inline std::array<Pairs, kChannels> load_row(const Runs& runs,
+                                                                    std::ptrdiff_t at,
+                                                                    bool is_last) {
   if constexpr (kChannels == 1) {
     IntRegister word;
     for (std::size_t lane = 0; lane < kGroup; ++lane) {

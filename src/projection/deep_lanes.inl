@@ -10,8 +10,6 @@
 //
 // Only the sign of a zero may differ from there, where samples are -0: who cares looks one by one.
 
-using HalfFloats = float __attribute__((vector_size(4 * kHalf)));
-
 /// Samples of four texels in a row, by lane.
 template <std::size_t kChannels>
 using DeepRow = float[4 * kChannels][kGroup];
@@ -62,14 +60,6 @@ inline void load_deep(const Runs& runs, std::ptrdiff_t at, DeepRow<kChannels>& r
       std::memcpy(row[2 * i], both, sizeof both);
     }
   }
-}
-
-inline Doubles doubles_at(const float* samples) {
-  HalfFloats low, high;
-  std::memcpy(&low, samples, sizeof low);
-  std::memcpy(&high, samples + kHalf, sizeof high);
-  return {__builtin_convertvector(low, DoubleRegister),
-          __builtin_convertvector(high, DoubleRegister)};
 }
 
 using FourDoubles = std::array<Doubles, 4>;
@@ -166,21 +156,18 @@ inline Doubles split_sum(const FourDoubles& weights, const DeepMoves& moves,
 }
 
 template <std::size_t kChannels, Depth kDepth, bool kSharpened>
-void add_deep_sums(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
-                   double a, const FootprintLookupsLanes* sharpening, MeansLanes& means) {
+void add_deep_sums(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
+                   const Sixteen<double>& share, MeansLanes& means) {
   constexpr bool kIsFloat = kDepth != Depth::u16;
   constexpr double kLargest = kIsFloat ? 1 : 65535;
   constexpr std::size_t kTexelBytes = kChannels * (kDepth == Depth::float32 ? 4 : 2);
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    Runs runs;
-    for (std::size_t lane = 0; lane < kGroup; ++lane)
-      runs[lane] = tile + places.offset[first + lane];
-    const Doubles u = load(places.rest_x.data() + first), v = load(places.rest_y.data() + first);
-    Four across = keys_of(a, u), down = keys_of(a, v);
+    const Runs runs = runs_of(tile, places, first, kTexelBytes);
+    const Four across = load_four(weights.across, first), down = load_four(weights.down, first);
     Moves by_column{}, by_row{};
     if constexpr (kSharpened) {
-      by_column = sharpen(load_ints(sharpening->across.data() + first), u, across);
-      by_row = sharpen(load_ints(sharpening->down.data() + first), v, down);
+      by_column = load_moves(weights.move_across, first);
+      by_row = load_moves(weights.move_down, first);
     }
     const FourDoubles columns = doubles_of(across), rows = doubles_of(down);
     const DeepMoves move_across(by_column), move_down(by_row);
@@ -214,9 +201,9 @@ void add_deep_sums(const std::byte* tile, const PlacesLanes& places, const Sixte
 }
 
 template <std::size_t kChannels, Depth kDepth>
-void add_deep(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
-              double keys, const FootprintLookupsLanes* sharpening, MeansLanes& means) {
-  (sharpening != nullptr
+void add_deep(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
+              const Sixteen<double>& share, MeansLanes& means) {
+  (weights.kind == WeightsLanes::Kind::sharpened
        ? add_deep_sums<kChannels, kDepth, true>
-       : add_deep_sums<kChannels, kDepth, false>)(tile, places, share, keys, sharpening, means);
+       : add_deep_sums<kChannels, kDepth, false>)(tile, places, weights, share, means);
 }

@@ -37,6 +37,14 @@ inline Doubles load(const double* at) {
   std::memcpy(&out, at, sizeof out);
   return out;
 }
+inline Doubles doubles_at(const float* at) {
+  using HalfFloats = float __attribute__((vector_size(4 * kHalf)));
+  HalfFloats low, high;
+  std::memcpy(&low, at, sizeof low);
+  std::memcpy(&high, at + kHalf, sizeof high);
+  return {__builtin_convertvector(low, DoubleRegister),
+          __builtin_convertvector(high, DoubleRegister)};
+}
 inline void store(double* at, const Doubles& value) { std::memcpy(at, &value, sizeof value); }
 inline IntRegister load_ints(const std::int32_t* at) {
   IntRegister out;

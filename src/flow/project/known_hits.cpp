@@ -182,8 +182,8 @@ std::unique_ptr<Projection> shade_known(job::JobContext& job, const MeshProjecti
   return std::make_unique<KnownHits>(job, request, std::move(hits));
 }
 
-std::uint64_t known_least_bytes(std::uint64_t result_texel_bytes, std::uint64_t colour_tile_bytes) {
-  return kPieceScratch + shading_bytes(colour_tile_bytes) + HitKeeper::scratch_bytes() +
+std::uint64_t known_least_bytes(std::uint64_t result_texel_bytes, std::uint64_t lookup_bytes) {
+  return kPieceScratch + lookup_bytes + HitKeeper::scratch_bytes() +
          known_state_bytes(store::kTexelsPerBlock, result_texel_bytes);
 }
 

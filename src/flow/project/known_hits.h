@@ -24,8 +24,8 @@ std::unique_ptr<store::HitStore> find_hits(job::JobContext& job, const MeshProje
 /// Makes a page of hits that are known. Of the request, what its search was is not looked at.
 std::unique_ptr<Projection> shade_known(job::JobContext& job, const MeshProjection& request,
                                         std::unique_ptr<store::HitStore> hits);
-/// The least that this needs at once: one block, its colours.
-std::uint64_t known_least_bytes(std::uint64_t result_texel_bytes, std::uint64_t colour_tile_bytes);
+/// The least that this needs at once: one block, its colours (shading_bytes()).
+std::uint64_t known_least_bytes(std::uint64_t result_texel_bytes, std::uint64_t lookup_bytes);
 
 /// Keeps the hits of a page on their way from a search to its results. Where they cannot be stored
 /// publish() says so as a warning: the job is done without.

@@ -261,14 +261,13 @@ std::unique_ptr<Projection> project_mesh(job::JobContext& job, const MeshProject
 
 std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,
                                   std::uint32_t largest_chunk_bytes,
-                                  std::uint64_t result_texel_bytes, std::uint64_t colour_tile_bytes,
+                                  std::uint64_t result_texel_bytes, std::uint64_t lookup_bytes,
                                   bool with_shape) {
   // What fixed_bytes(), least_batch_bytes() and state_bytes() give for the worst block, from bounds
   // that planning has before any store exists. A change there belongs here, too. Left out are the
   // grid of an empty batch, a page, and hits: these are kept only where the budget is much larger
   // (may_keep_hits()).
-  return kPieceScratch + shading_bytes(colour_tile_bytes) +
-         batch_cost(most_triangles, most_patches, with_shape) +
+  return kPieceScratch + lookup_bytes + batch_cost(most_triangles, most_patches, with_shape) +
          3 * std::uint64_t{largest_chunk_bytes} +
          block_state_bytes(kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes,
                            with_shape);

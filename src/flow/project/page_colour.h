@@ -124,15 +124,50 @@ inline shading::TexelValue blended(const PageColour& page, const ColourPlace& at
                   tint);
 }
 
-/// A place in the image of a page, or in that of a tile of its set.
-struct PageImage {
+/// The image of a page, or of a tile of its set.
+struct ColourImage {
   const ColourCache* column = nullptr;          ///< null: a UDIM tile without image
   const shading::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
-  projection::Coordinate x{}, y{};              ///< in the image, as it wraps
-  Vec2d middle{};                               ///< the same, not wrapped
-  Vec2d scale{1, 1};                            ///< texels of the image per texel of the page
 
   const store::ColourDirectory& directory() const { return column->store().directory(); }
+};
+
+/// Texels of an image per texel of a page, each way.
+inline Vec2d scale_of(ImageSize lattice, const store::ColourDirectory& image) noexcept {
+  return {static_cast<double>(image.width) / lattice.width,
+          static_cast<double>(image.height) / lattice.height};
+}
+
+/// A place of a page in its image, not wrapped.
+inline Vec2d middle_of(const PagePlace& at, ImageSize lattice, const store::ColourDirectory& image,
+                       Vec2d scale) noexcept {
+  const Vec2d on_page{static_cast<double>(at.base_x) + at.frac_x,
+                      static_cast<double>(at.base_y) + at.frac_y};
+  if (lattice.width == image.width && lattice.height == image.height) return on_page;
+  return {(on_page.x + 0.5) * scale.x - 0.5, (on_page.y + 0.5) * scale.y - 0.5};
+}
+
+/// The same as the image wraps; `middle` is not.
+struct WrappedPlace {
+  projection::Coordinate x, y;
+};
+inline WrappedPlace wrapped_in(const store::ColourDirectory& image, ImageSize lattice,
+                               const PagePlace& at, Vec2d middle) noexcept {
+  if (lattice.width == image.width && lattice.height == image.height) {
+    return {projection::placed(at.base_x, at.frac_x, image.width, image.wrap_u),
+            projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v)};
+  }
+  return {projection::placed(middle.x, image.width, image.wrap_u),
+          projection::placed(middle.y, image.height, image.wrap_v)};
+}
+
+/// A place in it.
+struct PageImage : ColourImage {
+  mesh::UvTile tile{};              ///< where the page has a set of them
+  projection::Coordinate x{}, y{};  ///< in the image, as it wraps
+  Vec2d middle{};                   ///< the same, not wrapped
+  Vec2d scale{1, 1};                ///< texels of the image per texel of the page
+
   /// What a footprint on the page is in the image.
   projection::Footprint on_image(projection::Footprint footprint) const {
     for (Vec2d* side : {&footprint.a, &footprint.b}) *side = {side->x * scale.x, side->y * scale.y};
@@ -151,37 +186,38 @@ inline PageImage image_at(const ColourCache& column,
   PageImage out;
   out.column = &column;
   out.input = input ? &*input : nullptr;
-  out.middle = {static_cast<double>(at.base_x) + at.frac_x,
-                static_cast<double>(at.base_y) + at.frac_y};
-  if (lattice.width == image.width && lattice.height == image.height) {
-    out.x = projection::placed(at.base_x, at.frac_x, image.width, image.wrap_u);
-    out.y = projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v);
-    return out;
-  }
-  out.scale = {static_cast<double>(image.width) / lattice.width,
-               static_cast<double>(image.height) / lattice.height};
-  out.middle = {(out.middle.x + 0.5) * out.scale.x - 0.5, (out.middle.y + 0.5) * out.scale.y - 0.5};
-  out.x = projection::placed(out.middle.x, image.width, image.wrap_u);
-  out.y = projection::placed(out.middle.y, image.height, image.wrap_v);
+  out.scale = scale_of(lattice, image);
+  out.middle = middle_of(at, lattice, image, out.scale);
+  const WrappedPlace wrapped = wrapped_in(image, lattice, at, out.middle);
+  out.x = wrapped.x;
+  out.y = wrapped.y;
   return out;
+}
+
+inline ColourImage image_in(const TileColumns& set, mesh::UvTile tile) {
+  const auto found = set.tiles.find(tile);
+  if (found == set.tiles.end()) return {};
+  const auto& [column, input] = found->second;
+  return {column, input ? &*input : nullptr};
 }
 
 inline PageImage image_at(const TileColumns& set, ImageSize lattice, const PagePlace& at) {
   const projection::TileCoordinate x = projection::in_tile(at.base_x, at.frac_x, lattice.width);
   const projection::TileCoordinate y = projection::in_tile(at.base_y, at.frac_y, lattice.height);
-  const auto found = set.tiles.find(mesh::tile_of_period(x.period, y.period));
-  if (found == set.tiles.end()) return {};
-  const auto& [column, input] = found->second;
-  const store::ColourDirectory& image = column->store().directory();
   PageImage out;
-  out.column = column;
-  out.input = input ? &*input : nullptr;
+  out.tile = mesh::tile_of_period(x.period, y.period);
+  static_cast<ColourImage&>(out) = image_in(set, out.tile);
+  if (out.column == nullptr) return out;
+  const store::ColourDirectory& image = out.directory();
   out.x = projection::scaled(x.texel, lattice.width, image.width);
   out.y = projection::scaled(y.texel, lattice.height, image.height);
-  out.scale = {static_cast<double>(image.width) / lattice.width,
-               static_cast<double>(image.height) / lattice.height};
+  out.scale = scale_of(lattice, image);
   out.middle = {(x.texel + 0.5) * out.scale.x - 0.5, (y.texel + 0.5) * out.scale.y - 0.5};
   return out;
+}
+
+inline bool is_constant(const PageColour& page) {
+  return page.column == nullptr && page.tile_set == nullptr;
 }
 
 /// Of a page that is no constant.

@@ -47,7 +47,9 @@ std::vector<job::LeastMemory> MapSource::build_needs() const { return column_nee
 std::uint64_t MapSource::project_least_bytes(std::size_t pass) const {
   // A page's map is read when its turn comes, before its pieces are under way.
   return std::max(map_hits_bytes(request(map_.pages.front().udim)),
-                  known_least_bytes(result_texel_bytes(pass), colour_tile_bytes(plan_)));
+                  known_least_bytes(
+                      result_texel_bytes(pass),
+                      shading_bytes(colour_tile_bytes(plan_), plan_.passes[pass].channels.size())));
 }
 
 void MapSource::build(ProgressRange range, const planning::TargetDetail&) {

@@ -226,7 +226,7 @@ struct LanesResult {
     FootprintLanes footprints{};
     Sixteen<std::int32_t> last;
     last.fill(2);
-    MiddlesLanes middles{};
+    Vec2Lanes middles{};
     for (std::size_t lane = 0; lane < kSixteen; ++lane) {
       set_lane(window.footprints[lane], lane, footprints);
       middles.x[lane] = window.middles[lane].x;
@@ -235,6 +235,7 @@ struct LanesResult {
     kernels.lookups(footprints, last, lookups);
     const store::ColourDirectory& image = window.levels[0].directory;
     PlacesLanes places{};
+    WeightsLanes weights{};
     for (std::size_t s = 0; s < 2; ++s) {
       for (std::uint32_t number = 0; number < 3; ++number) {
         unsigned lanes = 0;
@@ -243,12 +244,18 @@ struct LanesResult {
         });
         const Image& level = window.levels[number];
         const LookedUp in{
-            image.width,    image.height, level.directory.width, level.directory.height,
-            image.channels, image.depth,  image.wrap_u,          image.wrap_v};
-        add_lookups(
-            kernels, keys_of(kernel_of(window.filter)), lookups.sets[s],
-            number == 0 ? &lookups : nullptr, in, middles, lanes,
-            [&](std::uint32_t x, std::uint32_t y) { return level.tile(x, y); }, places, means);
+            image.width,  image.height, level.directory.width,       level.directory.height,
+            image.wrap_u, image.wrap_v, store::is_float(image.depth)};
+        const auto add = kernels.add[static_cast<std::size_t>(image.depth)][image.channels - 1];
+        for_each_lookup(kernels, keys_of(kernel_of(window.filter)), lookups.sets[s],
+                        number == 0 ? &lookups : nullptr, in, middles, lanes, places, weights, [&] {
+                          for_each_tile(
+                              places,
+                              [&](std::uint32_t x, std::uint32_t y) { return level.tile(x, y); },
+                              [&](const std::byte* tile, const auto& share, unsigned) {
+                                add(tile, places, weights, share, means);
+                              });
+                        });
       }
     }
   }
@@ -274,6 +281,51 @@ TEST_CASE("lanes have the lookups that texels have one by one") {
       for (std::size_t lane = 0; lane < kSixteen; ++lane) {
         const auto one = lookups_of(all[lane], static_cast<std::uint32_t>(last[lane]));
         if (!agrees(out, lane, one)) FAIL("footprint " << i << ", lane " << lane);
+      }
+    }
+  }
+}
+
+TEST_CASE("lanes have the footprints that hits have one by one") {
+  for (const BlendLanes* kernels : available()) {
+    CAPTURE(kernels->isa);
+    Random random(4004);
+    for (int i = 0; i < 500; ++i) {
+      HitPacket hit{};
+      AxesLanes axes{};
+      Vec2Lanes scale{};
+      const unsigned lanes = random.bits() & 0xFFFF;
+      const auto some = [&] {
+        return static_cast<float>(random.between(-3.0, 3.0) * std::exp2(random.whole(-40, 40)));
+      };
+      for (std::size_t lane = 0; lane < kSixteen; ++lane) {
+        // What is in other lanes was never written.
+        const bool used = (lanes >> lane & 1) != 0;
+        constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+        for (std::size_t k = 0; k < 3; ++k) {
+          hit.x_by[k][lane] = used ? some() : kNone;
+          hit.y_by[k][lane] = used ? some() : kNone;
+          axes.x[k][lane] = some();
+          axes.y[k][lane] = some();
+        }
+        scale.x[lane] = random.one_in(2) ? 1 : random.between(0.01, 9.0);
+        scale.y[lane] = random.one_in(2) ? 1 : random.between(0.01, 9.0);
+      }
+      FootprintLanes out{};
+      kernels->footprints(hit, axes, scale, lanes, out);
+      for (std::size_t lane = 0; lane < kSixteen; ++lane) {
+        Footprint one{};
+        if ((lanes >> lane & 1) != 0) {
+          one = footprint_of({{hit.x_by[0][lane], hit.x_by[1][lane], hit.x_by[2][lane]},
+                              {hit.y_by[0][lane], hit.y_by[1][lane], hit.y_by[2][lane]}},
+                             {axes.x[0][lane], axes.x[1][lane], axes.x[2][lane]},
+                             {axes.y[0][lane], axes.y[1][lane], axes.y[2][lane]});
+        }
+        if (!same(out.ax[lane], one.a.x * scale.x[lane]) ||
+            !same(out.ay[lane], one.a.y * scale.y[lane]) ||
+            !same(out.bx[lane], one.b.x * scale.x[lane]) ||
+            !same(out.by[lane], one.b.y * scale.y[lane]))
+          FAIL("packet " << i << ", lane " << lane);
       }
     }
   }
@@ -330,14 +382,15 @@ TEST_CASE("single lookups and means are rounded as texels are one by one") {
           return Coordinate{texel, random.one_in(6) ? 0 : random.unit()};
         };
         at[lane] = {place(), place()};
-        places.set_place(lane, at[lane].x, at[lane].y, channels);
+        places.set_place(lane, at[lane].x, at[lane].y);
         lookups.across[lane] = static_cast<std::int32_t>(random.whole(0, 43690));
         lookups.down[lane] = static_cast<std::int32_t>(random.whole(0, 43690));
       }
       const bool sharpened = random.one_in(2);
       Sixteen<std::uint32_t> texels{};
-      kernels->round_u8[channels - 1](image.tile(0, 0), places, keys_of(kernel),
-                                      sharpened ? &lookups : nullptr, texels);
+      WeightsLanes weights{};
+      kernels->weigh(places, keys_of(kernel), sharpened ? &lookups : nullptr, weights);
+      kernels->round_u8[channels - 1](image.tile(0, 0), places, weights, texels);
       for (std::size_t lane = 0; lane < kSixteen; ++lane) {
         const Sharpening by =
             sharpened ? Sharpening{lookups.across[lane], lookups.down[lane]} : Sharpening{};

@@ -1,0 +1,341 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Sixteen lookups side by side (docs/decisions/040-blend-lanes.md), for several images at once
+// (docs/decisions/075-alike-channels.md).
+//
+// The lanes of a packet are close together on the target, so mostly they need the same image, the
+// same level and the same tile. Nothing guarantees that. So lanes are grouped: by page and image
+// here, then by level, then by tile in projection/blend_lanes.h. Each group is blended under a
+// mask of its lanes, so a packet on a chart's border is as right as any.
+//
+// A lane gets one of three results: a finished texel (`rounded`), samples that shading has yet to
+// convert (`blended`), or neither, and then it is blended alone. The last are lanes without an
+// image: constants, UDIM tiles without image; and those of tents and of colours that are divided by
+// their alpha, where images are deeper than 8 bits.
+#include "flow/project/packet_blend.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace pounce::flow {
+namespace {
+
+using projection::FootprintLookupsLanes;
+using projection::for_each_lane;
+using projection::Sixteen;
+
+std::size_t first_of(unsigned lanes) { return static_cast<std::size_t>(std::countr_zero(lanes)); }
+
+// --- what is looked up together ------------------------------------------------------------------
+
+/// May lanes of the image be looked up together with others?
+bool may_join(const ColourImage& image, const shading::TexelFormat& format, double keys) {
+  const store::ColourDirectory& directory = image.directory();
+  if (directory.depth == Depth::u8) return true;
+  return keys != projection::kTent &&
+         (!directory.premultiplied || stays_premultiplied(directory, image.input, format));
+}
+
+ColourImage image_of(const PageColour& page) {
+  return {page.column, page.input ? &*page.input : nullptr};
+}
+
+/// Every image of the page may.
+bool may_join(const PageColour& page, const shading::TexelFormat& format, double keys) {
+  if (page.column != nullptr) return may_join(image_of(page), format, keys);
+  return std::all_of(page.tile_set->tiles.begin(), page.tile_set->tiles.end(), [&](const auto& of) {
+    return may_join(image_in(*page.tile_set, of.first), format, keys);
+  });
+}
+
+bool are_alike(const ColourCache& a, const ColourCache& b) {
+  const store::ColourDirectory &x = a.store().directory(), &y = b.store().directory();
+  return x.width == y.width && x.height == y.height && x.wrap_u == y.wrap_u &&
+         x.wrap_v == y.wrap_v && store::is_float(x.depth) == store::is_float(y.depth);
+}
+
+/// Of pages that are no constants.
+bool are_alike(const PageColour& a, const PageColour& b) {
+  if (a.lattice != b.lattice || (a.column == nullptr) != (b.column == nullptr)) return false;
+  if (a.column != nullptr) return are_alike(*a.column, *b.column);
+  return std::equal(a.tile_set->tiles.begin(), a.tile_set->tiles.end(), b.tile_set->tiles.begin(),
+                    b.tile_set->tiles.end(), [](const auto& x, const auto& y) {
+                      return x.first == y.first && are_alike(*x.second.column, *y.second.column);
+                    });
+}
+
+}  // namespace
+
+bool LookupGroup::add(const LookedUpChannel& channel, const Lookup& lookup) {
+  if (channels.size() == kMost) return false;
+  std::vector<Page> with = pages;
+  with.resize(channel.pages->size());
+  for (std::size_t p = 0; p < with.size(); ++p) {
+    const PageColour& page = (*channel.pages)[p];
+    if (is_constant(page)) continue;
+    const Page added{&page, may_join(page, channel.format, projection::keys_of(lookup.blend))};
+    if (with[p].page == nullptr) {
+      with[p] = added;
+    } else if (with[p].joins != added.joins || !are_alike(*with[p].page, page)) {
+      return false;
+    }
+  }
+  pages = std::move(with);
+  channels.push_back(channel);
+  return true;
+}
+
+// --- packets -------------------------------------------------------------------------------------
+
+projection::Footprint footprint_at(const projection::HitPacket& hit,
+                                   const surface::TexelPacket& texels,
+                                   const std::vector<surface::TexelAxes>& axes, int lane) {
+  const projection::TexelGradients gradients{
+      {hit.x_by[0][lane], hit.x_by[1][lane], hit.x_by[2][lane]},
+      {hit.y_by[0][lane], hit.y_by[1][lane], hit.y_by[2][lane]}};
+  if (axes.empty()) return projection::footprint_of(gradients, 1 / texels.per_texel[lane]);
+  const surface::TexelAxes& own = axes[texels.owner[lane]];
+  return projection::footprint_of(gradients, own.x, own.y);
+}
+
+PacketBlend::PacketBlend(const LookupGroup& group, const Lookup& lookup)
+    : group_(group),
+      lanes_(*lookup.lanes),
+      keys_(projection::keys_of(lookup.blend)),
+      levels_(*lookup.levels),
+      own_(group.channels.size()) {}
+
+void PacketBlend::look_up(const projection::HitPacket& hit, const surface::TexelPacket& texels,
+                          unsigned hits, const std::vector<surface::TexelAxes>& axes) {
+  for (Own& own : own_) own.found = own.kept = own.alone = own.rounded = own.blended = 0;
+  const Mask found = find_images(hit, hits);
+  if (found == 0) return;
+  find_footprints(hit, texels, axes, found);
+  lanes_.lookups(footprints_, last_level_, lookups_);
+  for (Own& own : own_) {
+    for (auto& samples : own.means) samples.fill(0);
+  }
+  for (Mask left = found; left != 0;) {
+    const std::size_t first = first_of(left);
+    const Mask lanes = like(first, left);
+    left &= ~lanes;
+    choose_images(first, lanes);
+    if (const Mask single = lanes & lookups_.single; single != 0) add_single(hit, single);
+    for (std::size_t s = 0; s < 2; ++s) {
+      // The second set is that of the next level, mixed in near the end of a level's range
+      // (docs/decisions/033-footprints.md).
+      Mask several = lanes & ~lookups_.single & (s == 0 ? ~0U : lookups_.two);
+      while (several != 0) {
+        const std::int32_t number = lookups_.sets[s].level[first_of(several)];
+        Mask level = 0;
+        for_each_lane(several, [&](std::size_t i) {
+          if (lookups_.sets[s].level[i] == number) level |= 1U << i;
+        });
+        add_set(s, static_cast<std::uint32_t>(number), level);
+        several &= ~level;
+      }
+    }
+  }
+  for (std::size_t c = 0; c < own_.size(); ++c) finish(c);
+}
+
+projection::Blended PacketBlend::samples(std::size_t c, int lane) const {
+  const auto i = static_cast<std::size_t>(lane);
+  const projection::MeansLanes& means = own_[c].means;
+  return {means[0][i], means[1][i], means[2][i], means[3][i]};
+}
+
+/// The lanes whose images may be looked up together with others, and where they look.
+PacketBlend::Mask PacketBlend::find_images(const projection::HitPacket& hit, Mask hits) {
+  Mask found = 0;
+  // Neighbouring lanes mostly share an image: what is asked of it is asked once.
+  std::int32_t page = -1, last_level = 0;
+  LookupGroup::Page of;
+  Vec2d scale;
+  const store::ColourDirectory* image = nullptr;
+  for_each_lane(hits, [&](std::size_t lane) {
+    const int l = static_cast<int>(lane);
+    if (hit.page[l] != page) {
+      page = hit.page[l];
+      of = group_.pages[static_cast<std::size_t>(page)];
+      if (of.joins && of.page->column != nullptr) {
+        image = &of.page->column->store().directory();
+        scale = scale_of(of.page->lattice, *image);
+        last_level = static_cast<std::int32_t>(shading::last_level(*image));
+      }
+    }
+    if (!of.joins) return;
+    Vec2d middle;
+    if (of.page->column != nullptr) {
+      middle = middle_of(place_of(hit, l), of.page->lattice, *image, scale);
+      tiles_[lane] = {};
+    } else {
+      const PageImage at = image_at(*of.page, place_of(hit, l));
+      if (at.column == nullptr) return;
+      middle = at.middle;
+      scale = at.scale;
+      tiles_[lane] = at.tile;
+      last_level = static_cast<std::int32_t>(shading::last_level(at.directory()));
+    }
+    pages_[lane] = page;
+    middles_.x[lane] = middle.x;
+    middles_.y[lane] = middle.y;
+    scales_.x[lane] = scale.x;
+    scales_.y[lane] = scale.y;
+    last_level_[lane] = last_level;
+    found |= 1U << lane;
+  });
+  return found;
+}
+
+void PacketBlend::find_footprints(const projection::HitPacket& hit,
+                                  const surface::TexelPacket& texels,
+                                  const std::vector<surface::TexelAxes>& axes, Mask lanes) {
+  if (axes.empty()) {  // texels that are known by their edge alone
+    for_each_lane(lanes, [&](std::size_t lane) {
+      const auto [a, b] = footprint_at(hit, texels, axes, static_cast<int>(lane));
+      footprints_.ax[lane] = a.x * scales_.x[lane];
+      footprints_.ay[lane] = a.y * scales_.y[lane];
+      footprints_.bx[lane] = b.x * scales_.x[lane];
+      footprints_.by[lane] = b.y * scales_.y[lane];
+    });
+    return;
+  }
+  for_each_lane(lanes, [&](std::size_t lane) {
+    const surface::TexelAxes& own = axes[texels.owner[lane]];
+    axes_.x[0][lane] = own.x.x;
+    axes_.x[1][lane] = own.x.y;
+    axes_.x[2][lane] = own.x.z;
+    axes_.y[0][lane] = own.y.x;
+    axes_.y[1][lane] = own.y.y;
+    axes_.y[2][lane] = own.y.z;
+  });
+  lanes_.footprints(hit, axes_, scales_, lanes, footprints_);
+}
+
+/// The lanes that are of the same page and tile.
+PacketBlend::Mask PacketBlend::like(std::size_t lane, Mask among) const {
+  Mask out = 0;
+  for_each_lane(among, [&](std::size_t i) {
+    if (pages_[i] == pages_[lane] && tiles_[i] == tiles_[lane]) out |= 1U << i;
+  });
+  return out;
+}
+
+/// Each channel's image of such lanes.
+void PacketBlend::choose_images(std::size_t first, Mask lanes) {
+  for (std::size_t c = 0; c < own_.size(); ++c) {
+    Own& own = own_[c];
+    const LookedUpChannel& channel = group_.channels[c];
+    const PageColour& page = (*channel.pages)[static_cast<std::size_t>(pages_[first])];
+    own.image = page.tile_set != nullptr ? image_in(*page.tile_set, tiles_[first]) : image_of(page);
+    if (own.image.column == nullptr) continue;
+    const store::ColourDirectory& image = own.image.directory();
+    directory_ = &image;
+    own.add = lanes_.add[static_cast<std::size_t>(image.depth)][image.channels - 1];
+    for_each_lane(lanes, [&](std::size_t lane) { own.images[lane] = own.image; });
+    own.found |= lanes;
+    // Where the output stores samples as the image holds them, one lookup is rounded from its
+    // integer sum at once. A mean of several is a sum of doubles: it is rounded at the end, when
+    // all sets were added.
+    own.keeps = channel.rounds && own.image.input == nullptr && !page.factor && !page.tinted &&
+                channel.format.keeps(image);
+    if (own.keeps) own.kept |= lanes;
+  }
+}
+
+const FootprintLookupsLanes* PacketBlend::sharpening(Mask lanes) const {
+  // Null where no lane asks for it: kernels skip the work for the whole packet.
+  std::int32_t any = 0;
+  for_each_lane(lanes,
+                [&](std::size_t lane) { any |= lookups_.across[lane] | lookups_.down[lane]; });
+  return any != 0 ? &lookups_ : nullptr;
+}
+
+/// Adds lookups in the chosen images themselves, one for each of the lanes.
+void PacketBlend::add_single(const projection::HitPacket& hit, Mask lanes) {
+  places_.offset.fill(0);
+  places_.share.fill(0);
+  places_.active = lanes;
+  const PageColour& page = *group_.pages[static_cast<std::size_t>(pages_[first_of(lanes)])].page;
+  for_each_lane(lanes, [&](std::size_t lane) {
+    const PagePlace place = place_of(hit, static_cast<int>(lane));
+    if (page.column != nullptr) {
+      const Vec2d middle{middles_.x[lane], middles_.y[lane]};
+      const WrappedPlace at = wrapped_in(*directory_, page.lattice, place, middle);
+      places_.set_place(lane, at.x, at.y);
+    } else {
+      const PageImage at = image_at(page, place);
+      places_.set_place(lane, at.x, at.y);
+    }
+    places_.share[lane] = 1;
+  });
+  const bool floats = store::is_float(directory_->depth);
+  if (floats) places_.settle();
+  lanes_.weigh(places_, keys_, sharpening(lanes), weights_);
+  for (Own& own : own_) {
+    if (own.image.column == nullptr) continue;
+    const store::ColourDirectory& image = own.image.directory();
+    projection::for_each_tile(
+        places_,
+        [&](std::uint32_t x, std::uint32_t y) { return own.window.tile(*own.image.column, x, y); },
+        [&](const std::byte* tile, const Sixteen<double>& share, Mask same) {
+          if (!own.keeps) return own.add(tile, places_, weights_, share, own.means);
+          alignas(64) Sixteen<std::uint32_t> rounded;
+          lanes_.round_u8[image.channels - 1](tile, places_, weights_, rounded);
+          for_each_lane(same, [&](std::size_t lane) { own.texels[lane] = rounded[lane]; });
+        });
+    if (!floats) continue;
+    // A 0 may have another sign than one lookup alone.
+    for_each_lane(lanes, [&](std::size_t lane) {
+      for (std::size_t c = 0; c < image.channels; ++c)
+        own.alone |= (own.means[c][lane] == 0 ? 1U : 0U) << lane;
+    });
+  }
+}
+
+/// Adds a set of lookups of lanes that have one level of the chosen images.
+void PacketBlend::add_set(std::size_t s, std::uint32_t number, Mask lanes) {
+  const store::ColourDirectory& image = *directory_;
+  const store::ColourDirectory* smaller = &image;
+  for (Own& own : own_) {
+    own.level = own.image.column;
+    if (own.level == nullptr || number == 0) continue;
+    own.level = &levels_.get(*own.level, number);
+    smaller = &own.level->store().directory();
+  }
+  const projection::LookedUp in{image.width,
+                                image.height,
+                                smaller->width,
+                                smaller->height,
+                                image.wrap_u,
+                                image.wrap_v,
+                                store::is_float(image.depth)};
+  projection::for_each_lookup(
+      lanes_, keys_, lookups_.sets[s], number == 0 ? sharpening(lanes) : nullptr, in, middles_,
+      lanes, places_, weights_, [&] {
+        for (Own& own : own_) {
+          if (own.level == nullptr) continue;
+          projection::for_each_tile(
+              places_,
+              [&](std::uint32_t x, std::uint32_t y) { return own.window.tile(*own.level, x, y); },
+              [&](const std::byte* tile, const Sixteen<double>& share, Mask) {
+                own.add(tile, places_, weights_, share, own.means);
+              });
+        }
+      });
+}
+
+/// Rounds what is rounded, and says what became of the lanes.
+void PacketBlend::finish(std::size_t c) {
+  Own& own = own_[c];
+  own.blended = own.found & ~(own.kept & lookups_.single) & ~own.alone;
+  own.rounded = own.kept;
+  const Mask means = own.kept & ~lookups_.single;
+  if (means == 0) return;
+  Sixteen<std::uint32_t> rounded;
+  lanes_.round_means(own.means, group_.channels[c].format.channels, rounded);
+  for_each_lane(means, [&](std::size_t lane) { own.texels[lane] = rounded[lane]; });
+}
+
+}  // namespace pounce::flow

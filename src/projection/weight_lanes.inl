@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Weights of sixteen lookups, and how they are kept for the images that are looked up there.
+// Included by blend_lanes.inl, inside POUNCE_ISA_NAMESPACE.
+
+using Four = std::array<IntRegister, 4>;
+
+/// Of a row of four: as keys() in blend.cpp.
+inline Four keys_of(double a, const Doubles& u) {
+  const Doubles rest = 1.0 - u;
+  const auto step = [](const Doubles& w) {
+    return truncated(w * static_cast<double>(kOne) + (kOne + 0.5)) - kOne;
+  };
+  const IntRegister before = step(a * u * rest * rest), after = step(a * u * u * rest);
+  const Doubles half = doubles(0.5);
+  const Doubles x = where_less(u, half, rest, u);
+  const IntRegister nearer = step(((a + 2) * x - (a + 3)) * x * x + 1.0);
+  const IntRegister other = kOne - before - nearer - after;
+  const IntRegister left_is_near =
+      truncated(where_less(u, half, doubles(1), doubles(0))) != 0;  // and gets what is left over
+  return {before, left_is_near ? other : nearer, left_is_near ? nearer : other, after};
+}
+
+/// What the sum takes of the moves of the two in the middle.
+struct Moves {
+  IntRegister first, second;
+};
+
+/// As sharpen_wide(), along one axis.
+inline Moves sharpen(IntRegister by, const Doubles& place, Four& weights) {
+  const Doubles all = doubles_of(by);
+  constexpr double kSteeper = 3;
+  const Doubles share = kSteeper * all * place * (1.0 - place) * (1.0 - 2.0 * place);
+  const IntRegister step =
+      truncated(share + where_less(share, doubles(0), doubles(-0.5), doubles(0.5)));
+  weights[0] -= step;
+  weights[1] += 3 * step;
+  weights[2] -= 3 * step;
+  weights[3] += step;
+  const IntRegister second = truncated(all * place + 0.5);
+  return {by - second, second};
+}
+
+/// Of a group from lane `first` on: written there, and read again for each image.
+using FourLanes = std::array<Sixteen<std::int32_t>, 4>;
+using MovesLanes = std::array<Sixteen<std::int32_t>, 2>;
+
+inline void store_four(const Four& weights, std::size_t first, FourLanes& out) {
+  for (std::size_t i = 0; i < 4; ++i) store_register(out[i].data() + first, weights[i]);
+}
+inline Four load_four(const FourLanes& weights, std::size_t first) {
+  return {load_ints(weights[0].data() + first), load_ints(weights[1].data() + first),
+          load_ints(weights[2].data() + first), load_ints(weights[3].data() + first)};
+}
+inline void store_moves(const Moves& moves, std::size_t first, MovesLanes& out) {
+  store_register(out[0].data() + first, moves.first);
+  store_register(out[1].data() + first, moves.second);
+}
+inline Moves load_moves(const MovesLanes& moves, std::size_t first) {
+  return {load_ints(moves[0].data() + first), load_ints(moves[1].data() + first)};
+}
+
+/// As tent() in blend.cpp.
+inline Four tent_of(const Doubles& u, const Doubles& v) {
+  const auto step = [](const Doubles& w) { return truncated(w * static_cast<double>(kOne) + 0.5); };
+  return {step((1.0 - u) * (1.0 - v)), step(u * (1.0 - v)), step((1.0 - u) * v), step(u * v)};
+}
+
+void weigh(const PlacesLanes& places, double keys, const FootprintLookupsLanes* sharpening,
+           WeightsLanes& out) {
+  out.kind = keys == kTent           ? WeightsLanes::Kind::tent
+             : sharpening != nullptr ? WeightsLanes::Kind::sharpened
+                                     : WeightsLanes::Kind::wide;
+  for (std::size_t first = 0; first < kLanes; first += kGroup) {
+    const Doubles u = load(places.rest_x.data() + first), v = load(places.rest_y.data() + first);
+    if (keys == kTent) {
+      store_four(tent_of(u, v), first, out.across);
+      continue;
+    }
+    Four across = keys_of(keys, u), down = keys_of(keys, v);
+    if (sharpening != nullptr) {
+      store_moves(sharpen(load_ints(sharpening->across.data() + first), u, across), first,
+                  out.move_across);
+      store_moves(sharpen(load_ints(sharpening->down.data() + first), v, down), first,
+                  out.move_down);
+    }
+    store_four(across, first, out.across);
+    store_four(down, first, out.down);
+  }
+}
