@@ -197,6 +197,25 @@ TEST_CASE("a PNG chunk that claims more than there is, or that must be known, is
              Contains("ABCD") && Contains("critical chunk"));
 }
 
+TEST_CASE("what a PNG's chunks hold counts, and what they are checked by", "[image]") {
+  // Its last chunk of samples ends with the sum over what is inflated, then with its CRC.
+  const std::string png = image_file(".png");
+  const auto samples = reading(png).samples;
+  const std::size_t end = png.rfind("IEND") - 4, begin = png.rfind("IDAT", end);
+  const auto with_byte = [&](std::size_t at, bool seal) {
+    std::string changed = png;
+    changed[at] = static_cast<char>(changed[at] ^ 0x5A);
+    const auto* const chunk = reinterpret_cast<const Bytef*>(changed.data() + begin);
+    const auto crc =
+        static_cast<std::uint32_t>(crc32(0, chunk, static_cast<uInt>(end - 4 - begin)));
+    return seal ? changed.replace(end - 4, 4, big_endian(crc, 4)) : changed;
+  };
+  // That sum alone is wrong: of the file's bytes nothing is, and the samples are what they say.
+  CHECK(reading(with_byte(end - 6, true)).samples == samples);
+  CHECK_THAT(refusal(with_byte(end - 6, false)), Contains("the checksum of its IDAT chunk"));
+  CHECK_THAT(refusal(with_byte((begin + end) / 2, false)), Contains("damaged"));
+}
+
 TEST_CASE("a PNG's transparency and palette still count", "[image]") {
   const std::string png =
       test::make_png(2, 1, 8, 3, false, std::string("\0\0\1", 3),
