@@ -33,6 +33,7 @@
 
 #include "core/file.h"
 #include "core/input_file.h"
+#include "io/obj/numbers.h"
 #include "io/obj/obj_text.h"
 #include "io/read_mesh.h"
 

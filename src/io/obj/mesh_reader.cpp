@@ -34,7 +34,9 @@
 #include <vector>
 
 #include "core/colour_space.h"
+#include "io/obj/corner_set.h"
 #include "io/obj/materials.h"
+#include "io/obj/numbers.h"
 #include "io/obj/obj_text.h"
 #include "io/obj/polygon.h"
 #include "io/problems.h"
@@ -44,51 +46,8 @@
 namespace pounce::io {
 namespace {
 
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 // What modelling programs take where nothing is said; sharper edges stay edges.
 constexpr double kSmoothAngleDeg = 60;
-
-// No material is in it: faces of two materials share vertices where the file's indices say so.
-struct CornerKey {
-  std::uint32_t position = kNone, texcoord = kNone, normal = kNone;
-  bool operator==(const CornerKey&) const = default;
-};
-
-/// Numbers equal corners alike, in order of appearance. Open addressing; deterministic.
-class CornerSet {
- public:
-  std::uint32_t number_of(const CornerKey& key) {
-    if (keys_.size() * 2 >= slots_.size()) grow();
-    std::size_t slot = hash(key) & (slots_.size() - 1);
-    while (slots_[slot] != kNone && keys_[slots_[slot]] != key)
-      slot = (slot + 1) & (slots_.size() - 1);
-    if (slots_[slot] == kNone) {
-      slots_[slot] = static_cast<std::uint32_t>(keys_.size());
-      keys_.push_back(key);
-    }
-    return slots_[slot];
-  }
-  const std::vector<CornerKey>& keys() const { return keys_; }
-
- private:
-  static std::size_t hash(const CornerKey& key) {
-    std::uint64_t h = key.position * 0x9E3779B97F4A7C15ULL;
-    h = (h ^ (h >> 32) ^ key.texcoord) * 0xD6E8FEB86659FD93ULL;
-    h = (h ^ (h >> 32) ^ key.normal) * 0xD6E8FEB86659FD93ULL;
-    return h ^ (h >> 32);
-  }
-  // Twice as many slots; keys stay where they are, so numbers do not change.
-  void grow() {
-    slots_.assign(std::max<std::size_t>(1024, slots_.size() * 2), kNone);
-    for (std::uint32_t i = 0; i < keys_.size(); ++i) {
-      std::size_t slot = hash(keys_[i]) & (slots_.size() - 1);
-      while (slots_[slot] != kNone) slot = (slot + 1) & (slots_.size() - 1);
-      slots_[slot] = i;
-    }
-  }
-  std::vector<CornerKey> keys_;
-  std::vector<std::uint32_t> slots_;
-};
 
 class ObjReader {
  public:
@@ -155,6 +114,7 @@ void ObjReader::reserve() {
   if (counts.has_colours && wants_colours_) colours_.reserve(counts.positions);
   texcoords_.reserve(counts.texcoords);
   normals_.reserve(counts.normals);
+  vertices_.reserve(counts.distinct_corners, counts.positions);
   mesh_.triangles.reserve(counts.triangles);
   mesh_.triangle_material.reserve(counts.triangles);
 }
@@ -298,7 +258,7 @@ ObjReader::Corner ObjReader::corner(std::string_view word) const {
   const char* const end = at + word.size();
   for (std::size_t part = 0;; ++part) {
     // Where there is no number, the index stays 0, which is none: the middle of "v//vn".
-    const auto result = std::from_chars(at, end, indices[part]);
+    const auto result = read_index(at, end, indices[part]);
     if (result.ec == std::errc() && indices[part] == 0) {
       text_.fail(
           fmt::format("the corner \"{}\" has index 0; OBJ counts from 1", word.substr(0, 60)));
@@ -329,9 +289,7 @@ void ObjReader::add_face(std::string_view rest) {
     return;
   }
   face_.clear();
-  face_positions_.clear();
   face_.reserve(count);
-  face_positions_.reserve(count);
   // An index may only name what came before it, so each list has its final part already.
   for (const auto& [position, texcoord, normal] : corners_) {
     CornerKey key;
@@ -339,7 +297,6 @@ void ObjReader::add_face(std::string_view rest) {
     if (texcoord != 0) key.texcoord = resolve(texcoord, texcoords_.size(), "texture coordinate");
     if (normal != 0) key.normal = resolve(normal, normals_.size(), "normal");
     face_.push_back(vertices_.number_of(key));
-    face_positions_.push_back(positions_[key.position]);
   }
   // Asked for here, not at "usemtl": a material that no face uses is never made.
   const std::uint32_t material = materials_.current();
@@ -350,6 +307,10 @@ void ObjReader::add_face(std::string_view rest) {
   if (count == 3) {
     add(0, 1, 2);
   } else {
+    face_positions_.clear();
+    face_positions_.reserve(count);
+    for (const std::uint32_t vertex : face_)
+      face_positions_.push_back(positions_[vertices_.keys()[vertex].position]);
     for (const auto& t : triangulate(face_positions_)) add(t[0], t[1], t[2]);
   }
 }

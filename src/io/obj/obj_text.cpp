@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// OBJ and MTL as text: statements, words and numbers; and the statements of an OBJ counted.
+// OBJ and MTL as text: statements and words; and the statements of an OBJ counted.
 //
 // Files of this kind are written by hand, by scripts and by thirty years of programs, so lines may
 // end in any of three ways, be joined by a backslash and be of any length. ObjText gives them out
-// one by one, in memory that a limit per line bounds. Numbers go through from_chars(), which knows
-// no locale and rounds to the nearest; "nan", "inf" and "1,5" are none.
+// one by one, in memory that a limit per line bounds.
 //
 // What a mesh will take is found by counting its statements (obj_cost()), in a pass of its own that
 // sees exactly the statements that reading will see. Exact counts of different things would need
@@ -25,7 +24,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -44,46 +42,6 @@ namespace {
 constexpr std::size_t kPieceBytes = 256 << 10;
 // A face of a million corners fits into 16 MiB; an MTL has nothing of that kind.
 constexpr std::size_t kMaxObjLineBytes = 16 << 20, kMaxMtlLineBytes = 1 << 20;
-
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
-/// Of a decimal number without sign that no such number can hold: is it too large, not too small?
-bool is_large(std::string_view number) {
-  const std::size_t mantissa = std::min(number.find_first_of("eE"), number.size());
-  const std::size_t point = std::min(number.find('.'), mantissa);
-  const std::size_t first = number.find_first_not_of("0.");
-  std::string_view exponent = number.substr(std::min(mantissa + 1, number.size()));
-  if (exponent.starts_with('+')) exponent.remove_prefix(1);
-  // from_chars() says that a number is out of range, but not on which side. What decides is where
-  // its first digit other than 0 stands after the exponent has moved the point.
-  std::int64_t moved = 0;
-  const auto result = std::from_chars(exponent.data(), exponent.data() + exponent.size(), moved);
-  if (result.ec == std::errc::result_out_of_range) return exponent[0] != '-';
-  return moved > static_cast<std::int64_t>(first) - static_cast<std::int64_t>(point);
-}
-
-/// Reads the number at the front of `word`; returns how many characters it has, 0 for none.
-template <class T>
-std::size_t read_number(std::string_view word, T& value) {
-  const std::size_t sign = word.starts_with('+') || word.starts_with('-') ? 1 : 0;
-  // from_chars() knows "inf" and "nan", and no "+".
-  if (sign == word.size() || (word[sign] != '.' && !is_digit(word[sign]))) return 0;
-  const auto [end, error] = std::from_chars(word.data() + sign, word.data() + word.size(), value);
-  if (error == std::errc::invalid_argument) return 0;
-  const auto length = static_cast<std::size_t>(end - word.data());
-  if (error == std::errc::result_out_of_range) {
-    value = is_large(word.substr(sign, length - sign)) ? std::numeric_limits<T>::infinity() : 0;
-  }
-  if (word[0] == '-') value = -value;
-  return length;
-}
-
-template <class T>
-std::optional<T> whole_number(std::string_view word) {
-  T value = 0;
-  const std::size_t length = read_number(word, value);
-  return length > 0 && length == word.size() ? std::optional(value) : std::nullopt;
-}
 
 /// Of the names of material files, used or not, until there are too many.
 constexpr std::size_t kMaxLibraryBytes = 4 << 20;
@@ -152,6 +110,7 @@ class ObjCounter {
       ++counts_.uses;
       counts_.use_bytes += line_bytes;
       material_ = hash_of(rest);
+      material_counted_ = false;
     } else {
       return;
     }
@@ -177,38 +136,59 @@ class ObjCounter {
     for (const char c : text) hash = (hash + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
     return hash * 0xD6E8FEB86659FD93ULL;
   }
+  /// A word of a face.
+  struct CornerWord {
+    std::size_t slashes = 0;
+    bool is_relative = false;
+  };
   // Of the text, not of the numbers: "1/1" and "01/1" count as two, which errs upwards.
-  std::uint64_t corner_hash(std::string_view word) const {
-    std::uint64_t hash = word.size();
-    for (std::size_t at = 0; at < word.size(); at += sizeof(std::uint64_t)) {
-      std::uint64_t letters = 0;
-      std::memcpy(&letters, word.data() + at, std::min(word.size() - at, sizeof letters));
+  std::uint64_t corner_hash(std::string_view text, CornerWord corner) const {
+    std::uint64_t hash = text.size();
+    const auto mix = [&](std::uint64_t letters) {
       hash = (hash ^ letters) * 0xD6E8FEB86659FD93ULL;
       hash ^= hash >> 32;
+    };
+    for (; text.size() >= sizeof(std::uint64_t); text.remove_prefix(sizeof(std::uint64_t))) {
+      std::uint64_t letters = 0;
+      std::memcpy(&letters, text.data(), sizeof letters);
+      mix(letters);
     }
+    std::uint64_t letters = 0;
+    for (std::size_t i = 0; i < text.size(); ++i)
+      letters |= std::uint64_t{static_cast<unsigned char>(text[i])} << (8 * i);
+    if (!text.empty()) mix(letters);
     // The mix of the three counts stands for what a negative index would lead to: it means
     // something else after each new vertex.
-    if (word.find('-') != std::string_view::npos)
+    if (corner.is_relative)
       hash += (counts_.positions * 31 + counts_.texcoords) * 31 + counts_.normals;
     return hash;
   }
 
   void add_face(std::string_view rest) {
     ++counts_.faces;
-    materials_.add(material_);
     std::uint64_t corners = 0;
-    for (std::string_view word = next_word(rest); !word.empty(); word = next_word(rest)) {
+    const char* at = rest.data();
+    const char* const end = at + rest.size();
+    // Letter by letter, once: half of a file's bytes are here.
+    for (;;) {
+      while (at != end && is_blank(*at)) ++at;
+      if (at == end) break;
+      const char* const first = at;
+      CornerWord corner;
+      for (; at != end && !is_blank(*at); ++at) {
+        corner.slashes += *at == '/' ? 1 : 0;
+        corner.is_relative = corner.is_relative || *at == '-';
+      }
       ++corners;
-      distinct_.add(corner_hash(word));
-      const auto slashes = std::count(word.begin(), word.end(), '/');
-      if (slashes < 2 || word.back() == '/') counts_.lacks_normals = true;
+      distinct_.add(corner_hash({first, static_cast<std::size_t>(at - first)}, corner));
+      if (corner.slashes < 2 || at[-1] == '/') counts_.lacks_normals = true;
     }
     counts_.corners += corners;
     counts_.triangles += corners > 2 ? corners - 2 : 0;
     counts_.most_corners = std::max(counts_.most_corners, corners);
-    if (part_counted_) return;
-    parts_.add(object_ * 31 + group_);
-    part_counted_ = true;
+    if (!material_counted_) materials_.add(material_);
+    if (!part_counted_) parts_.add(object_ * 31 + group_);
+    material_counted_ = part_counted_ = true;
   }
 
   void add_libraries(std::string_view rest) {
@@ -224,7 +204,7 @@ class ObjCounter {
   DistinctCounter distinct_, parts_, materials_;
   std::uint64_t object_ = 0, group_ = 0;  ///< hashes of the names in use
   std::uint64_t material_ = 0;            ///< hash of the one in use
-  bool part_counted_ = false;
+  bool part_counted_ = false, material_counted_ = false;
   std::uint64_t library_bytes_ = 0;
 };
 
@@ -285,6 +265,7 @@ bool ObjText::next_piece() {
   file_->read(offset_, std::as_writable_bytes(std::span(piece_)));
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
   const std::string_view piece(piece_.data(), piece_.size());
+  has_cr_ = piece.find('\r') != std::string_view::npos;
   at_ = offset_ == 0 && piece.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
   next_lf_ = std::min(piece.find('\n', at_), piece.size());
   offset_ += piece_.size();
@@ -299,8 +280,10 @@ bool ObjText::take_line(std::string_view& out) {
   const std::size_t end = piece.find('\n', at_);
   if (end == std::string_view::npos) return false;
   std::string_view line = piece.substr(at_, end - at_);
-  if (line.ends_with('\r')) line.remove_suffix(1);
-  if (line.find('\r') != std::string_view::npos) return false;
+  if (has_cr_) {
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    if (line.find('\r') != std::string_view::npos) return false;
+  }
   const std::size_t bytes = line.size();
   while (!line.empty() && is_blank(line.back())) line.remove_suffix(1);
   if (line.ends_with('\\')) return false;
@@ -376,16 +359,6 @@ std::size_t word_count(std::string_view rest) {
 std::string name_in(std::string_view rest) {
   rest = rest.substr(0, rest.find('\0'));
   return std::string(rest.substr(std::min<std::size_t>(1, rest.size())));
-}
-
-std::optional<float> to_float(std::string_view word) { return whole_number<float>(word); }
-
-std::optional<double> to_double(std::string_view word) { return whole_number<double>(word); }
-
-// As MTL files are read by others: "0.5f" and "1,5" begin with a number, which counts.
-float to_float_or(std::string_view word, float otherwise) {
-  float value = 0;
-  return read_number(word, value) > 0 && std::isfinite(value) ? value : otherwise;
 }
 
 namespace {
@@ -472,8 +445,9 @@ MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
                     libraries.kept_bytes + name_bytes * 8 + (1U << 20);
   const std::uint64_t lists =
       counts.positions * (with_colours ? 28 : 12) + counts.texcoords * 8 + counts.normals * 12;
-  // Keys and slots while they double: three times and one and a half times what is in use.
-  const std::uint64_t corner_set = corner_keys * (3 * 12 + 6 * 4);
+  // Keys and links; slots, which only corners of crowded positions have, while they double: one and
+  // a half times what is in use.
+  const std::uint64_t corner_set = corner_keys * (12 + 4 + 6 * 4) + counts.positions * 4;
   // Smoothing: triangles by position, renumbered triangles, copies, and the arrays while they grow.
   const std::uint64_t smoothing = smooth ? counts.positions * 8 + triangles * (12 + 12) +
                                                corner_keys * (8 + per_vertex) +

@@ -47,6 +47,7 @@ class ObjText {
   std::size_t at_ = 0, next_lf_ = 0;  ///< in the piece
   std::uint64_t line_ = 0;            ///< first line of the statement, from 1
   std::uint64_t lines_ended_ = 0;     ///< so far
+  bool has_cr_ = false;               ///< somewhere in the piece
   bool after_cr_ = false;             ///< a LF now is of the same end
   std::uint64_t longest_bytes_ = 0;
 };
@@ -71,14 +72,6 @@ std::size_t word_count(std::string_view rest);
 /// A zero byte ends it.
 std::string name_in(std::string_view rest);
 inline constexpr std::size_t kMaxNameBytes = 4096;  ///< longer ones of an OBJ are refused
-
-/// The float nearest to a decimal number; infinite where that is too large. Nothing for any other
-/// word, such as "nan", "inf" and "1,5".
-std::optional<float> to_float(std::string_view word);
-/// The same in double precision.
-std::optional<double> to_double(std::string_view word);
-/// The float of the number that a word begins with; `otherwise` where that is none or too large.
-float to_float_or(std::string_view word, float otherwise);
 
 /// How many statements of each kind an OBJ file holds: what bounds the memory it needs.
 /// `distinct_corners`, the number of different (v, vt, vn), is estimated from hashes (standard

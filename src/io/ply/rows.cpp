@@ -25,6 +25,7 @@
 #include <utility>
 
 #include "core/input_file.h"
+#include "io/obj/numbers.h"
 #include "io/obj/obj_text.h"
 #include "io/problems.h"
 

@@ -24,6 +24,7 @@
 #include "core/file.h"
 #include "core/input_file.h"
 #include "io/files/number_stream.h"
+#include "io/obj/numbers.h"
 #include "io/obj/obj_text.h"
 #include "io/ply/triple_set.h"
 #include "io/problems.h"

@@ -4,9 +4,11 @@
 // which material files and materials they name.
 #include <bit>
 #include <catch2/catch.hpp>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 
+#include "io/obj/numbers.h"
 #include "io/obj/obj_text.h"
 #include "read_error.h"
 #include "support/gltf_builder.h"
@@ -68,6 +70,25 @@ TEST_CASE("OBJ vertices are numbered as faces first name them", "[io]") {
   CHECK(m.normals[3] == Vec3f{0, 1, 0});
   // Only what faces name is a vertex, and faces of two corners name nothing.
   CHECK(read(kSquare + "f 4 4\nf 9 99\nf 2 3 4\n").positions[0] == Vec3f{1, 0, 0});
+}
+
+TEST_CASE("any number of corners may share a position", "[io]") {
+  // A fan whose pole has texture coordinates of its own in every face, and then once more.
+  constexpr int kFaces = 3000;
+  std::string text = "v 0 0 0\nv 1 0 0\nv 1 1 0\n", faces;
+  for (int i = 1; i <= kFaces; ++i) {
+    text += "vt " + std::to_string(i) + " 0\n";
+    faces += "f 1/" + std::to_string(i) + " 2/1 3/1\n";
+  }
+  const mesh::Mesh m = read(text + faces + faces);
+  CHECK(m.positions.size() == kFaces + 2);
+  REQUIRE(m.triangles.size() == 2 * kFaces);
+  for (std::uint32_t i = 0; i < kFaces; ++i) {
+    const std::uint32_t pole = i == 0 ? 0 : i + 2;
+    REQUIRE(m.triangles[i] == Triangle{pole, 1, 2});
+    REQUIRE(m.triangles[i + kFaces] == m.triangles[i]);
+    REQUIRE(m.uv_sets[0][pole].x == static_cast<float>(i + 1));
+  }
 }
 
 TEST_CASE("corners of a face may have different parts", "[io]") {
@@ -266,6 +287,41 @@ TEST_CASE("decimal numbers become the floats nearest to them", "[io]") {
   // Halfway between two floats, and a hair above: as doubles both are the same.
   CHECK(io::to_float("1.000000059604644775390625") == 1.F);
   CHECK(io::to_float("1.0000000596046447753906251") == std::nextafter(1.F, 2.F));
+}
+
+TEST_CASE("plain numbers have the bits that the standard library gives them", "[io]") {
+  const auto check = [](const std::string& text) {
+    const char* const end = text.data() + text.size();
+    float value = 0;
+    double wide = 0;
+    REQUIRE(std::from_chars(text.data(), end, value).ptr == end);
+    REQUIRE(std::from_chars(text.data(), end, wide).ptr == end);
+    INFO(text);
+    const auto read = io::to_float(text);
+    const auto read_wide = io::to_double(text);
+    REQUIRE((read && read_wide));
+    REQUIRE(std::bit_cast<std::uint32_t>(*read) == std::bit_cast<std::uint32_t>(value));
+    REQUIRE(std::bit_cast<std::uint64_t>(*read_wide) == std::bit_cast<std::uint64_t>(wide));
+    REQUIRE(io::to_float("-" + text) == -value);
+  };
+  test::Random random(6);
+  for (int i = 0; i < 300'000; ++i) {
+    // Up to 19 digits, the point anywhere.
+    std::string text = std::to_string(random.bits() >> random.bits() % 60);
+    const std::size_t point = random.bits() % (text.size() + 1);
+    if (point == 0) text.insert(0, "000", 1 + random.bits() % 3);
+    if (point < text.size()) text.insert(std::max<std::size_t>(point, 1), ".");
+    check(text);
+  }
+  // The middle of two floats, in fewer digits than it has: many of these are that middle as
+  // doubles.
+  for (int i = 0; i < 300'000; ++i) {
+    const float low = static_cast<float>(random.bits() >> 40) / 65536.F;
+    const double middle = (double{low} + std::nextafter(low, INFINITY)) / 2;
+    char text[64];
+    std::snprintf(text, sizeof text, "%.*f", static_cast<int>(12 + random.bits() % 4), middle);
+    check(text);
+  }
 }
 
 TEST_CASE("numbers that no float can hold are infinite or 0", "[io]") {
