@@ -5,8 +5,8 @@
 // Triangles that coincide are counted because the later of two is never hit, and its own part of
 // the texture never shown. Places are compared bit by bit: what was copied coincides; what was
 // computed twice hardly does. A table of all triangles would take as much memory as the mesh, so
-// they are sorted by hash in eight passes, an eighth of them each; only those of one hash are
-// compared.
+// eight bits for each tell which hashes occur twice. That leaves few triangles of a sound mesh, and
+// only these are sorted by hash, those of one hash compared.
 //
 // Parts come as runs, since readers emit triangles node by node: eight bytes a run instead of four
 // a triangle, and equal sets of names are one part.
@@ -16,6 +16,7 @@
 #include <fnmatch.h>
 
 #include <algorithm>
+#include <bit>
 #include <numeric>
 #include <set>
 #include <span>
@@ -73,19 +74,30 @@ bool looks_the_same(const Mesh& mesh, std::uint32_t a, std::uint32_t b) {
   });
 }
 
-struct Entry {
-  std::uint64_t hash;
-  std::uint32_t triangle;
-  bool operator<(const Entry& other) const {
-    return std::tie(hash, triangle) < std::tie(other.hash, other.triangle);
+/// The same whichever of its corners a triangle names first.
+std::uint64_t places_hash(const Mesh& mesh, const Corners& corners) {
+  std::uint64_t sum = 0;
+  for (const std::uint32_t corner : corners) {
+    const Vec3f& p = mesh.positions[corner];
+    const auto bits = [](float v) { return std::uint64_t{std::bit_cast<std::uint32_t>(v + 0.0F)}; };
+    std::uint64_t h = (bits(p.x) | bits(p.y) << 32) * 0x9E3779B97F4A7C15ULL;
+    h = (h ^ (h >> 32) ^ bits(p.z)) * 0xD6E8FEB86659FD93ULL;
+    sum += h ^ (h >> 32);
   }
-};
+  sum *= 0x9E3779B97F4A7C15ULL;
+  return sum ^ (sum >> 32);
+}
+
+/// A triangle behind the lower half of its hash: in order of hashes, and of the file.
+using Entry = std::uint64_t;
+
+std::uint32_t triangle_of(Entry entry) { return static_cast<std::uint32_t>(entry); }
 
 /// Of triangles of one hash, in file order. Nearly always they have the same places.
 std::uint64_t count_among(const Mesh& mesh, std::span<const Entry> entries) {
   std::uint64_t count = 0;
   const auto places = [&](const Entry& e) {
-    return places_of(mesh, from_least(mesh, mesh.triangles[e.triangle]));
+    return places_of(mesh, from_least(mesh, mesh.triangles[triangle_of(e)]));
   };
   // The later one counts, held against the first with its places: that is the one which rays hit.
   for (std::size_t i = 1; i < entries.size(); ++i) {
@@ -93,7 +105,7 @@ std::uint64_t count_among(const Mesh& mesh, std::span<const Entry> entries) {
     if (own[0] == own[1] || own[1] == own[2] || own[2] == own[0]) continue;  // no area
     const auto first = std::find_if(entries.begin(), entries.end(),
                                     [&](const Entry& e) { return places(e) == own; });
-    if (!looks_the_same(mesh, first->triangle, entries[i].triangle)) ++count;
+    if (!looks_the_same(mesh, triangle_of(*first), triangle_of(entries[i]))) ++count;
   }
   return count;
 }
@@ -196,21 +208,38 @@ void orient(Mesh& mesh, const Axes& axes) {
 }
 
 std::uint64_t count_coincident(const Mesh& mesh) {
-  constexpr std::size_t kFew = 1 << 15;  // are sorted at once
-  const std::size_t passes = mesh.triangles.size() > kFew ? 8 : 1;
+  const std::size_t size = mesh.triangles.size();
+  const std::size_t slots = std::bit_floor(std::max<std::size_t>(8 * size, 64));
+  const int shift = 64 - std::countr_zero(slots);
+  std::vector<bool> again(slots, false);
+  std::uint64_t repeated = 0;
+  {
+    std::vector<bool> seen(slots, false);
+    for (const Corners& corners : mesh.triangles) {
+      const std::size_t slot = places_hash(mesh, corners) >> shift;
+      if (!seen[slot]) {
+        seen[slot] = true;
+      } else {
+        again[slot] = true;
+        ++repeated;
+      }
+    }
+  }
+  if (repeated == 0) return 0;
+  // At most twice as many are left, which are sorted an eighth of the mesh at a time.
+  const std::uint64_t passes = 1 + 2 * repeated / (size / 8 + 1);
   std::uint64_t count = 0;
   std::vector<Entry> entries;
-  for (std::size_t pass = 0; pass < passes; ++pass) {
+  for (std::uint64_t pass = 0; pass < passes; ++pass) {
     entries.clear();
-    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-      const Places places = places_of(mesh, from_least(mesh, mesh.triangles[t]));
-      const std::uint64_t hash = checksum(std::as_bytes(std::span(places)));
-      if (hash % passes == pass) entries.push_back({hash, t});
+    for (std::uint32_t t = 0; t < size; ++t) {
+      const std::uint64_t hash = places_hash(mesh, mesh.triangles[t]);
+      if (again[hash >> shift] && hash % passes == pass) entries.push_back(hash << 32 | t);
     }
     std::sort(entries.begin(), entries.end());
     for (auto from = entries.begin(); from != entries.end();) {
       const auto to =
-          std::find_if(from, entries.end(), [&](const Entry& e) { return e.hash != from->hash; });
+          std::find_if(from, entries.end(), [&](Entry e) { return e >> 32 != *from >> 32; });
       if (to - from > 1) count += count_among(mesh, std::span(from, to));
       from = to;
     }

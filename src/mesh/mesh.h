@@ -170,8 +170,8 @@ class PartsBuilder {
 void orient(Mesh& mesh, const Axes& axes);
 
 /// Triangles whose corners lie, in the same order around, exactly where those of one before them in
-/// the file do, with other UVs or another material: nothing of them is ever seen. Needs 16 bytes
-/// for each of an eighth of the triangles.
+/// the file do, with other UVs or another material: nothing of them is ever seen. Needs two bytes
+/// for each triangle.
 std::uint64_t count_coincident(const Mesh& mesh);
 
 // --- what takes part -----------------------------------------------------------------------------

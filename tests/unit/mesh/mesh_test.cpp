@@ -43,7 +43,7 @@ void add_copy(mesh::Mesh& m, std::uint32_t i, std::uint32_t first, bool turned, 
 }  // namespace
 
 TEST_CASE("triangles that lie on others are counted where they look other") {
-  const std::uint32_t count = GENERATE(10U, 40000U);  // sorted at once, in parts
+  const std::uint32_t count = GENERATE(10U, 40000U);
   mesh::Mesh m = strip(count);
   CHECK(mesh::count_coincident(m) == 0);
   add_copy(m, 3, 0, false, 0);  // a copy shows the same
@@ -64,6 +64,15 @@ TEST_CASE("triangles that lie on others are counted where they look other") {
   CHECK(mesh::count_coincident(m) == 5);
   m.positions.back().z = 1e-6F;  // not exactly
   CHECK(mesh::count_coincident(m) == 4);
+}
+
+TEST_CASE("a mesh may lie on itself as a whole") {
+  constexpr std::uint32_t kCount = 40000;  // so many are sorted in parts
+  mesh::Mesh m = strip(kCount);
+  for (std::uint32_t i = 0; i < kCount; ++i) add_copy(m, i, i % 3, false, 0.25F);
+  CHECK(mesh::count_coincident(m) == kCount);
+  for (std::uint32_t i = 0; i < kCount; ++i) add_copy(m, i, 0, true, 0.5F);
+  CHECK(mesh::count_coincident(m) == kCount);
 }
 
 TEST_CASE("triangles without an area lie on none") {
