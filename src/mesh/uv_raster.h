@@ -64,6 +64,12 @@ class EdgeFunction {
   bool top_left_ = false;
 };
 
+/// std::floor() of what is below 2^40 in size, where no instruction does it.
+inline std::int64_t whole_below(double value) {
+  const auto towards_zero = static_cast<std::int64_t>(value);
+  return towards_zero - (value < static_cast<double>(towards_zero) ? 1 : 0);
+}
+
 /// Calls span(y, x_begin, x_end) for every row of texel centres inside the triangle and the window,
 /// top to bottom. Coordinates must be finite and below 2^40 in size. A triangle without area covers
 /// nothing.
@@ -75,16 +81,17 @@ void raster_triangle(const std::array<Vec2d, 3>& corners, const TexelWindow& win
   const Vec2d a = corners[0];
   const Vec2d b = area > 0 ? corners[1] : corners[2];
   const Vec2d c = area > 0 ? corners[2] : corners[1];
-  const std::array<EdgeFunction, 3> edges{EdgeFunction(a, b), EdgeFunction(b, c),
-                                          EdgeFunction(c, a)};
-
   const double lowest_x = std::min({a.x, b.x, c.x}), highest_x = std::max({a.x, b.x, c.x});
   const double lowest_y = std::min({a.y, b.y, c.y}), highest_y = std::max({a.y, b.y, c.y});
-  const auto first_x = std::max(window.x0, static_cast<std::int64_t>(std::ceil(lowest_x)));
-  const auto last_x = std::min(window.x1 - 1, static_cast<std::int64_t>(std::floor(highest_x)));
+  const auto first_x = std::max(window.x0, -whole_below(-lowest_x));
+  const auto last_x = std::min(window.x1 - 1, whole_below(highest_x));
   if (first_x > last_x) return;  // beside the window: no range to guess in
-  const auto first_y = std::max(window.y0, static_cast<std::int64_t>(std::ceil(lowest_y)));
-  const auto last_y = std::min(window.y1 - 1, static_cast<std::int64_t>(std::floor(highest_y)));
+  const auto first_y = std::max(window.y0, -whole_below(-lowest_y));
+  const auto last_y = std::min(window.y1 - 1, whole_below(highest_y));
+  if (first_y > last_y) return;  // between centres, as most of a dense mesh
+  const std::array<EdgeFunction, 3> edges{EdgeFunction(a, b), EdgeFunction(b, c),
+                                          EdgeFunction(c, a)};
+  const bool is_narrow = last_x - first_x < 4;  // trying them all takes less than a guess
 
   for (std::int64_t y = first_y; y <= last_y; ++y) {
     const double row = static_cast<double>(y);
@@ -97,13 +104,15 @@ void raster_triangle(const std::array<Vec2d, 3>& corners, const TexelWindow& win
         continue;
       }
       // The division only guesses; the exact predicate decides.
-      const double guess = std::clamp(edge.crossing(row), static_cast<double>(first_x) - 2.0,
-                                      static_cast<double>(last_x) + 2.0);
+      const double guess = is_narrow
+                               ? 0
+                               : std::clamp(edge.crossing(row), static_cast<double>(first_x) - 2.0,
+                                            static_cast<double>(last_x) + 2.0);
       if (side > 0) {
-        begin = std::max(begin, static_cast<std::int64_t>(std::floor(guess)) - 1);
+        if (!is_narrow) begin = std::max(begin, whole_below(guess) - 1);
         while (begin <= end && !edge.inside(static_cast<double>(begin), row)) ++begin;
       } else {
-        end = std::min(end, static_cast<std::int64_t>(std::ceil(guess)) + 1);
+        if (!is_narrow) end = std::min(end, 1 - whole_below(-guess));
         while (end >= begin && !edge.inside(static_cast<double>(end), row)) --end;
       }
     }

@@ -105,10 +105,13 @@ std::uint64_t complete_tangents(Mesh& mesh) {
   std::uint64_t count = 0;
   for (std::size_t i = 0; i < mesh.tangents.size(); ++i) {
     Vec4f& t = mesh.tangents[i];
-    const Vec3d n = unit(Vec3d(mesh.normals[i]));  // to double precision
     const Vec3d given = unit(Vec3d{t.x, t.y, t.z});
-    const Vec3d direction = unit(given - n * dot(given, n));
-    missing[i] = is_zero(given) || is_zero(direction) || !std::isfinite(t.w);
+    Vec3d direction;
+    if (!is_zero(given)) {
+      const Vec3d n = unit(Vec3d(mesh.normals[i]));  // to double precision
+      direction = unit(given - n * dot(given, n));
+    }
+    missing[i] = is_zero(direction) || !std::isfinite(t.w);
     if (missing[i]) {
       t = {};
       ++count;

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "core/bounds.h"
 
@@ -226,12 +227,13 @@ std::vector<float> layer_gaps(const mesh::Mesh& mesh, std::span<const Place> pla
   for (const auto& corners : mesh.triangles) {
     Box3f box;
     for (const std::uint32_t c : corners) box.extend(mesh.positions[c]);
-    const Facet facet(mesh, corners);
+    std::optional<Facet> facet;  // of the few that are near a segment
     segments.for_each_near(box, [&](std::uint32_t i) {
+      if (!facet) facet.emplace(mesh, corners);
       const Vec3d normal(places[i].normal);
-      if (dot(facet.normal, normal) < double{least_cosine}) return;
+      if (dot(facet->normal, normal) < double{least_cosine}) return;
       // A line that misses gives no number, and no comparison below is true of that.
-      const double gap = std::abs(facet.along(Vec3d(places[i].position), normal));
+      const double gap = std::abs(facet->along(Vec3d(places[i].position), normal));
       if (gap > own && gap <= double{most} && gap < double{gaps[i]})
         gaps[i] = static_cast<float>(gap);
     });
