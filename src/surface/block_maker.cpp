@@ -79,7 +79,7 @@ class TileMaker {
     start_source(bin);
     for (std::uint32_t i = 0; i < bin.count; ++i) {
       const mesh::TriangleInstance& triangle = instance(bin, i);
-      if (counts_in(bin, triangle)) source_texels_ += count_texels(bin, triangle);
+      source_texels_ += count_texels(bin, triangle);
       if (coarsens && coarse.replaced[i] != 0) continue;
       builder_.add(triangle, l.uv_set, l.width != 0);
       // A block has 4096 triangles at most. What is more becomes a further block with the same
@@ -111,22 +111,21 @@ class TileMaker {
   }
 
   /// A whole triangle counts once, however many blocks have it; of a cut one, each counts its part.
-  bool counts_in(const mesh::BlockBin& bin, const mesh::TriangleInstance& triangle) const {
-    const mesh::Lattice& l = lattice(bin);
-    if (!request_.coarsens_dense() || l.width == 0) return true;
-    const auto corners = mesh::texel_corners(*request_.mesh, l, triangle);
-    if (!mesh::is_whole(corners, l)) return true;
+  bool counts_in(const mesh::BlockBin& bin, const std::array<Vec2d, 3>& corners,
+                 bool is_whole) const {
+    if (!request_.coarsens_dense() || !is_whole) return true;
     const mesh::HomeBlock home = mesh::home_block(corners);
     return home.x == bin.x && home.y == bin.y;
   }
 
-  /// Gaussians of one triangle in this block; a triangle that covers no texel centre still gives
-  /// one.
+  /// Gaussians of one triangle in this block, where it counts; one that covers no texel centre
+  /// still gives one.
   std::uint64_t count_texels(const mesh::BlockBin& bin, const mesh::TriangleInstance& instance) {
     const mesh::Lattice& l = lattice(bin);
     if (l.width == 0) return 1;
     const auto corners = mesh::texel_corners(*request_.mesh, l, instance);
     const bool whole = mesh::is_whole(corners, l);
+    if (!counts_in(bin, corners, whole)) return 0;
     const double area = std::abs(mesh::doubled_area(corners[0], corners[1], corners[2])) / 2;
     const auto [low, high] = std::minmax({corners[0].y, corners[1].y, corners[2].y});
     // To visit all rows of such a triangle would take long, and its area is as good a number.
@@ -172,6 +171,13 @@ class TileMaker {
     out_.blocks.push_back(std::move(encoded));
   }
 
+  bool counts_in(const mesh::BlockBin& bin, std::uint32_t triangle) const {
+    const mesh::Lattice& l = lattice(bin);
+    if (l.width == 0) return true;
+    const auto corners = mesh::texel_corners(*request_.mesh, l, {triangle, 0, 0});
+    return counts_in(bin, corners, mesh::is_whole(corners, l));
+  }
+
   /// Triangles of the builder's block that became no facet.
   void count_degenerate(const mesh::BlockBin& bin, const SourceBlock& decoded) {
     // The facets are the triangles in their order, some left out, so one walk along both finds
@@ -180,7 +186,7 @@ class TileMaker {
     for (const std::uint32_t id : builder_.block().ids) {
       if (facet != decoded.facets.end() && static_cast<std::uint32_t>(facet->id) == id) {
         ++facet;
-      } else if (counts_in(bin, {id, 0, 0})) {
+      } else if (counts_in(bin, id)) {
         ++out_.degenerate;
       }
     }

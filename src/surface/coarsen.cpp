@@ -28,6 +28,8 @@
 #include <optional>
 #include <tuple>
 
+#include "surface/window_part.h"
+
 namespace pounce::surface {
 namespace {
 
@@ -39,55 +41,6 @@ constexpr double kNormalBound = 1.0 / 8;     // 7 degrees
 constexpr double kAreaBound = 1e-4;          // of the window: gaps and overlaps
 constexpr std::size_t kMostTriangles = 2 * kEdge * kEdge;
 constexpr std::uint32_t kNobody = 0xFFFFFFFF, kSeveral = 0xFFFFFFFE;
-
-/// A corner of a triangle's part in a window, in the window's own coordinates: 0 to 1.
-struct Corner {
-  Vec2d at;
-  double w1, w2;  ///< barycentrics of the triangle's corners 1 and 2
-};
-
-/// Triangle and window overlap in a convex polygon of at most 3 + 4 corners; rounding may add some.
-class Polygon {
- public:
-  Polygon() {}  // corners are left as they are: a block makes thousands
-  std::size_t size() const { return size_; }
-  const Corner& operator[](std::size_t i) const { return corners_[i]; }
-  void add(const Corner& corner) {
-    if (size_ < corners_.size()) corners_[size_++] = corner;
-  }
-
-  /// What lies at sign * (coordinate - limit) >= 0.
-  Polygon clipped(double Vec2d::*axis, double limit, double sign) const {
-    Polygon kept;
-    for (std::size_t i = 0; i < size_; ++i) {
-      const Corner &a = corners_[i], &b = corners_[(i + 1) % size_];
-      const double da = sign * (a.at.*axis - limit), db = sign * (b.at.*axis - limit);
-      if (da >= 0) kept.add(a);
-      if ((da < 0) != (db < 0)) kept.add(between(a, b, da / (da - db)));
-    }
-    return kept;
-  }
-
-  static Corner between(const Corner& a, const Corner& b, double k) {
-    return {{a.at.x + k * (b.at.x - a.at.x), a.at.y + k * (b.at.y - a.at.y)},
-            a.w1 + k * (b.w1 - a.w1),
-            a.w2 + k * (b.w2 - a.w2)};
-  }
-
-  double area() const {
-    double doubled = 0;
-    for (std::size_t i = 2; i < size_; ++i)
-      doubled += mesh::doubled_area(corners_[0].at, corners_[i - 1].at, corners_[i].at);
-    return doubled / 2;
-  }
-
- private:
-  // In a union the array is not initialized. Only the first size_ corners are ever read.
-  union {
-    std::array<Corner, 16> corners_;
-  };
-  std::size_t size_ = 0;
-};
 
 /// Something at a window's corners (x, y), and between them as its two halves have it.
 struct TwoHalves {
@@ -104,10 +57,32 @@ struct TwoHalves {
 struct Footprint {
   std::array<Vec2d, 3> texels;
   Vec2d low, high;
-  bool lies_in(double x0, double y0, double edge) const {
-    return low.x >= x0 && low.y >= y0 && high.x <= x0 + edge && high.y <= y0 + edge;
-  }
   bool is_line() const { return mesh::doubled_area(texels[0], texels[1], texels[2]) == 0; }
+};
+
+/// What is kept of a footprint, for all sizes of windows: the block's texels that it touches. One
+/// before the block is -1, one behind it kEdge + 1.
+struct Reach {
+  struct Interval {
+    std::int8_t first = 0, last = 0;
+    bool only_touches_last = false;  ///< ends where that texel begins
+    Interval(double low, double high)
+        : first(texel(low)), last(texel(high)), only_touches_last(high == std::floor(high)) {}
+    /// The first texel that is not entered.
+    int end() const { return last + (only_touches_last ? 0 : 1); }
+    bool lies_in(int begin, int limit) const { return first >= begin && end() <= limit; }
+
+   private:
+    static std::int8_t texel(double at) {
+      return static_cast<std::int8_t>(std::clamp(std::floor(at), -1.0, kEdge + 1.0));
+    }
+  };
+  Interval x, y;
+  bool is_line = false;
+
+  explicit Reach(const Footprint& f)
+      : x(f.low.x, f.high.x), y(f.low.y, f.high.y), is_line(f.is_line()) {}
+  bool lies_in_block() const { return x.lies_in(0, kEdge) && y.lies_in(0, kEdge); }
 };
 
 /// The same triangle in space.
@@ -115,6 +90,15 @@ struct Triangle : Footprint {
   std::array<Vec3d, 3> positions, normals;
   float handedness = 0;
 
+  Triangle(const Footprint& footprint, const mesh::Mesh& mesh,
+           const std::array<std::uint32_t, 3>& corners)
+      : Footprint(footprint) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      positions[k] = Vec3d(mesh.positions[corners[k]]);
+      normals[k] = Vec3d(mesh.normals[corners[k]]);
+    }
+    if (!mesh.tangents.empty()) handedness = mesh.tangents[corners[0]].w;
+  }
   Vec3d position(double w1, double w2) const { return mixed(positions, w1, w2); }
   Vec3d normal(double w1, double w2) const { return mixed(normals, w1, w2); }
   bool is_degenerate() const {
@@ -130,7 +114,7 @@ struct Triangle : Footprint {
 
 /// A window while it may replace its triangles.
 struct Window {
-  int x = 0, y = 0;
+  std::int16_t x = 0, y = 0;
   std::array<std::uint16_t, 4> points{};  ///< at (0, 0), (1, 0), (0, 1) and (1, 1)
   float handedness = 0;                   ///< of tangents; 0: none seen yet
   double bound = 0;                       ///< of positions
@@ -153,6 +137,7 @@ class Coarsener {
     first_ = {double{kEdge} * entries[0].x, double{kEdge} * entries[0].y};
     out_.points.reserve(kPoints * kPoints);
     out_.triangles.reserve(kMostTriangles);
+    reaches_.reserve(entries_.size());
   }
 
   CoarseSurface run() {
@@ -175,25 +160,17 @@ class Coarsener {
   }
 
   Footprint footprint(std::size_t i) const {
+    return footprint(mesh::texel_corners(mesh_, lattice_, entries_[i].instance));
+  }
+  Footprint footprint(const std::array<Vec2d, 3>& texel_corners) const {
     Footprint f;
-    f.texels = mesh::texel_corners(mesh_, lattice_, entries_[i].instance);
-    for (Vec2d& texel : f.texels) texel = texel - first_;
+    for (std::size_t k = 0; k < 3; ++k) f.texels[k] = texel_corners[k] - first_;
     std::tie(f.low.x, f.high.x) = std::minmax({f.texels[0].x, f.texels[1].x, f.texels[2].x});
     std::tie(f.low.y, f.high.y) = std::minmax({f.texels[0].y, f.texels[1].y, f.texels[2].y});
     return f;
   }
 
-  Triangle triangle(std::size_t i, const Footprint& footprint) const {
-    Triangle t{footprint, {}, {}, 0};
-    for (std::size_t k = 0; k < 3; ++k) {
-      t.positions[k] = Vec3d(mesh_.positions[corners(i)[k]]);
-      t.normals[k] = Vec3d(mesh_.normals[corners(i)[k]]);
-    }
-    if (!mesh_.tangents.empty()) t.handedness = mesh_.tangents[corners(i)[0]].w;
-    return t;
-  }
-
-  /// Which triangle covers each point: exactly one, if it is to be a corner.
+  /// Which triangle covers each point: exactly one, if it is to be a corner. And what each reaches.
   void claim_points() {
     // The row and the column behind the block's last texel are claimed as well: the windows at its
     // border have corners there. A point on an edge that two triangles share goes to one of them by
@@ -201,9 +178,10 @@ class Coarsener {
     claims_.fill(kNobody);
     const auto x0 = static_cast<std::int64_t>(first_.x), y0 = static_cast<std::int64_t>(first_.y);
     for (std::size_t i = 0; i < entries_.size(); ++i) {
+      const auto texels = mesh::texel_corners(mesh_, lattice_, entries_[i].instance);
+      reaches_.emplace_back(footprint(texels));
       mesh::raster_triangle(
-          mesh::texel_corners(mesh_, lattice_, entries_[i].instance),
-          {x0, y0, x0 + kPoints, y0 + kPoints},
+          texels, {x0, y0, x0 + kPoints, y0 + kPoints},
           [&](std::int64_t y, std::int64_t begin, std::int64_t end) {
             for (std::int64_t x = begin; x < end; ++x) {
               std::uint32_t& claim =
@@ -220,7 +198,7 @@ class Coarsener {
     std::uint16_t& known = points_[point(x, y)];
     if (known != 0) return static_cast<std::uint16_t>(known - 1);
     const std::size_t i = claims_[point(x, y)];
-    const Triangle t = triangle(i, footprint(i));
+    const Triangle t(footprint(i), mesh_, corners(i));
     const Vec2d p{static_cast<double>(x), static_cast<double>(y)};
     const double all = mesh::doubled_area(t.texels[0], t.texels[1], t.texels[2]);
     // Rounding may put the point just outside of its triangle; clamped weights keep it on the
@@ -258,12 +236,11 @@ class Coarsener {
     // open_windows() has ruled out what it could without looking at the surface. Only the windows
     // left are compared in space.
     for (std::size_t i = 0; i < entries_.size(); ++i) {
-      const Footprint f = footprint(i);
-      std::optional<Triangle> t;  // in space only where a window is left to be compared
-      visit_touched(f, edge, [&](std::size_t at) {
+      std::optional<Triangle> t;  // only where a window is left to be compared
+      visit_touched(i, edge, [&](std::size_t at) {
         std::optional<Window>& window = windows[at];
         if (!window) return;
-        if (!t) t = triangle(i, f);
+        if (!t) t.emplace(footprint(i), mesh_, corners(i));
         if (!agrees(*t, *window, edge)) window.reset();
       });
     }
@@ -280,15 +257,15 @@ class Coarsener {
     const int across = kEdge / edge;
     std::vector<Inside> inside(windows.size());
     for (std::size_t i = 0; i < entries_.size(); ++i) {
-      const Footprint f = footprint(i);
-      const double x = std::floor(f.low.x / edge), y = std::floor(f.low.y / edge);
+      const Reach& reach = reaches_[i];
+      const int x = window_at(reach.x.first, edge), y = window_at(reach.y.first, edge);
       // What ends at the border of the block may be another's, too.
-      if (!f.lies_in(x * edge, y * edge, edge) || x < 0 || y < 0 || f.high.x >= kEdge ||
-          f.high.y >= kEdge || f.is_line()) {
+      if (x < 0 || y < 0 || !reach.x.lies_in(x * edge, (x + 1) * edge) ||
+          !reach.y.lies_in(y * edge, (y + 1) * edge) || reach.x.last >= kEdge ||
+          reach.y.last >= kEdge || reach.is_line) {
         continue;
       }
-      Inside& of = inside[static_cast<std::size_t>(y) * static_cast<std::size_t>(across) +
-                          static_cast<std::size_t>(x)];
+      Inside& of = inside[static_cast<std::size_t>(y * across + x)];
       if (of.count < 2) of.ids[of.count] = entries_[i].instance.triangle;
       ++of.count;
     }
@@ -307,6 +284,22 @@ class Coarsener {
   }
 
   /// Calls visit(index) for each window of this size that the triangle touches.
+  template <class Visit>
+  void visit_touched(std::size_t i, int edge, const Visit& visit) const {
+    const Reach& reach = reaches_[i];
+    // Of most triangles the texels say all: narrow ones that do not leave the block sideways.
+    if (reach.x.first < 0 || reach.x.last > kEdge || reach.x.last - reach.x.first > 2 * edge - 2)
+      return visit_touched(footprint(i), edge, visit);
+    const int across = kEdge / edge;
+    const int x1 = std::min(window_at(reach.x.last, edge), across - 1),
+              y1 = std::min(window_at(reach.y.last, edge), across - 1);
+    for (int y = std::max(window_at(reach.y.first, edge), 0); y <= y1; ++y) {
+      for (int x = window_at(reach.x.first, edge); x <= x1; ++x)
+        visit(static_cast<std::size_t>(y * across + x));
+    }
+  }
+  /// The window of that size that a texel is in; -1 for one before the block.
+  static int window_at(int texel, int edge) { return texel < 0 ? -1 : texel / edge; }
   template <class Visit>
   static void visit_touched(const Footprint& f, int edge, const Visit& visit) {
     const int across = kEdge / edge;
@@ -335,7 +328,7 @@ class Coarsener {
       }
     }
     Window window;
-    window.x = x0, window.y = y0;
+    window.x = static_cast<std::int16_t>(x0), window.y = static_cast<std::int16_t>(y0);
     window.points = {surface_point(x0, y0), surface_point(x0 + edge, y0),
                      surface_point(x0, y0 + edge), surface_point(x0 + edge, y0 + edge)};
     const TwoHalves p = at_corners(window, &SurfacePoint::position);
@@ -410,28 +403,31 @@ class Coarsener {
 
   /// Are all texels of the block replaced that the triangle may touch?
   bool is_replaced(std::size_t i) const {
-    const Footprint f = footprint(i);
-    if (!f.lies_in(0, 0, kEdge) && mesh::is_whole(f.texels, lattice_) && !mesh::is_tiny(f.texels))
-      return false;  // no other block has it
-    for (int y = first_touched(f.low.y); y <= last_touched(f.low.y, f.high.y); ++y) {
-      for (int x = first_touched(f.low.x); x <= last_touched(f.low.x, f.high.x); ++x) {
+    const Reach& reach = reaches_[i];
+    if (!reach.lies_in_block()) {
+      const Footprint f = footprint(i);
+      if (mesh::is_whole(f.texels, lattice_) && !mesh::is_tiny(f.texels))
+        return false;  // no other block has it
+    }
+    for (int y = first_touched(reach.y); y <= last_touched(reach.y); ++y) {
+      for (int x = first_touched(reach.x); x <= last_touched(reach.x); ++x) {
         if (!taken_[texel(x, y)]) return false;
       }
     }
     return true;
   }
-  static int first_touched(double low) {
-    return static_cast<int>(std::floor(std::clamp(low, 0.0, kEdge - 1.0)));
+  static int first_touched(const Reach::Interval& reach) {
+    return std::clamp<int>(reach.first, 0, kEdge - 1);
   }
-  static int last_touched(double low, double high) {
-    const double last = std::ceil(std::clamp(high, 0.0, double{kEdge})) - 1;
-    return std::max(static_cast<int>(last), first_touched(low));
+  static int last_touched(const Reach::Interval& reach) {
+    return std::max(std::clamp(reach.end(), 0, kEdge) - 1, first_touched(reach));
   }
 
   const mesh::Mesh& mesh_;
   const mesh::Lattice& lattice_;
   const std::span<const mesh::BinEntry> entries_;
   Vec2d first_;                                            ///< the block's first texel centre
+  std::vector<Reach> reaches_;                             ///< of each entry
   std::array<std::uint32_t, kPoints * kPoints> claims_{};  ///< into entries_
   std::array<std::uint16_t, kPoints * kPoints> points_{};  ///< into out_.points, plus 1
   std::array<bool, kEdge * kEdge> taken_{};
@@ -448,9 +444,9 @@ CoarseSurface coarsen(const mesh::Mesh& mesh, const mesh::Lattice& lattice,
 }
 
 std::uint64_t coarsen_bytes(std::uint64_t triangles) {
-  // One byte per triangle in `replaced`, then every container at its largest. The caller leases
+  // Each triangle has a byte in `replaced`, then every container at its largest. The caller leases
   // this before it knows how many windows will fit.
-  return triangles + kPoints * kPoints * sizeof(SurfacePoint) +
+  return triangles * (sizeof(Reach) + 1) + kPoints * kPoints * sizeof(SurfacePoint) +
          kMostTriangles * sizeof(CoarseTriangle) +
          std::uint64_t{kEdge} * kEdge * (sizeof(std::optional<Window>) + sizeof(Inside)) +
          sizeof(Coarsener);
