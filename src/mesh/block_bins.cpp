@@ -4,7 +4,8 @@
 //
 // Blocks are made from these bins, in any order and in parallel, so neither side needs an external
 // shuffle. Binning goes through the triangles once to count entries by row of blocks, and once more
-// for each band of rows, which is all that is in memory at a time. Tiles come from a k-d split over
+// for each band of rows, which is all that is in memory at a time; it passes over stretches of the
+// file that the count found elsewhere. Tiles come from a k-d split over
 // block coordinates: integers only, so the same on every machine. A tile's weight is an estimate of
 // its stored bytes; it bounds a write buffer and sizes the index pages.
 //
@@ -27,6 +28,7 @@
 #include <map>
 #include <memory>
 #include <tuple>
+#include <utility>
 
 #include "pounce/error.h"
 
@@ -41,7 +43,7 @@ constexpr std::uint32_t kConstantRun = 1024;  // triangles of a page without an 
 constexpr std::uint32_t kRunsPerRow = 256;    // blocks of such a page, per row
 
 std::int32_t block_of(double texel) {
-  return static_cast<std::int32_t>(std::floor(texel / kBlockEdge));
+  return static_cast<std::int32_t>(whole_below(texel / kBlockEdge));
 }
 
 [[noreturn]] void fail_span(const Mesh& mesh, std::uint32_t triangle) {
@@ -78,6 +80,9 @@ void visit_rows(const std::array<Vec2d, 3>& corners, const BlockRange& range, co
 struct RowRange {
   std::int32_t first = INT32_MIN, last = INT32_MAX;
   bool holds(std::int32_t y) const { return first <= y && y <= last; }
+  bool meets(const BlockBands::Stretch& rows) const {
+    return first <= rows.last && rows.first <= last;
+  }
 };
 
 /// Where one triangle belongs on one page of a request, row by row of blocks.
@@ -100,6 +105,8 @@ class Placement {
     // Periods in which some texel centre may be covered; a triangle wholly inside [0,1) has exactly
     // one.
     const double w = lattice_.width, h = lattice_.height;
+    if (box_.lo.x >= 0 && box_.lo.y >= 0 && box_.hi.x <= w - 1 && box_.hi.y <= h - 1)
+      return visit_period(rows, 0, 0, visit);  // nearly all of nearly every target
     const double x0 = std::floor(std::ceil(box_.lo.x) / w),
                  x1 = std::floor(std::floor(box_.hi.x) / w);
     const double y0 = std::floor(std::ceil(box_.lo.y) / h),
@@ -113,7 +120,9 @@ class Placement {
 
  private:
   void measure() {
-    corners_ = texel_corners(*request_.mesh, lattice_, {triangle_, 0, 0});
+    const auto& uvs = request_.mesh->uv_sets[lattice_.uv_set];
+    for (std::size_t k = 0; k < 3; ++k)
+      corners_[k] = to_texel(lattice_, uvs[request_.mesh->triangles[triangle_][k]]);
     box_ = box_of(corners_);
     if (!is_near(box_)) fail_span(*request_.mesh, triangle_);
   }
@@ -216,6 +225,45 @@ class WindowCounts {
   std::uint64_t beyond_ = 0;  ///< in windows outside of the image, all together
   std::uint64_t most_ = 0;
 };
+
+/// Sorts by key(entry) of 0 to `most`: stable, digit by digit from the lowest; of one digit nearly
+/// always, as there are few windows.
+template <class Key>
+void sort_by(PageVector<BinEntry>& entries, std::uint64_t most, const Key& key) {
+  constexpr int kDigitBits = 13;
+  constexpr std::uint64_t kLargest = (1 << kDigitBits) - 1;
+  for (int shift = 0; shift < 64 && most >> shift != 0; shift += kDigitBits) {
+    const auto digit = [&](const BinEntry& e) { return (key(e) >> shift) & kLargest; };
+    std::vector<std::uint32_t> next(std::min(most >> shift, kLargest) + 1, 0);
+    for (const BinEntry& entry : entries) ++next[digit(entry)];
+    std::uint32_t sum = 0;
+    for (std::uint32_t& first : next) sum += std::exchange(first, sum);
+    PageVector<BinEntry> sorted(entries.size());
+    for (const BinEntry& entry : entries) sorted[next[digit(entry)]++] = entry;
+    entries.swap(sorted);
+  }
+}
+
+/// By page, y, x; of one window as they were, in file order.
+void sort_by_window(PageVector<BinEntry>& entries) {
+  if (entries.empty()) return;
+  BinEntry low = entries[0], high = low;
+  for (const BinEntry& e : entries) {
+    low.page = std::min(low.page, e.page), high.page = std::max(high.page, e.page);
+    low.y = std::min(low.y, e.y), high.y = std::max(high.y, e.y);
+    low.x = std::min(low.x, e.x), high.x = std::max(high.x, e.x);
+  }
+  const auto between = [](std::int32_t from, std::int32_t to) {
+    return static_cast<std::uint64_t>(std::int64_t{to} - from);
+  };
+  const std::uint64_t columns = between(low.x, high.x) + 1;
+  const auto window = [&](const BinEntry& e) {
+    return between(low.y, e.y) * columns + between(low.x, e.x);
+  };
+  sort_by(entries, window(high), window);
+  sort_by(entries, high.page - low.page,
+          [&](const BinEntry& e) { return std::uint64_t{e.page - low.page}; });
+}
 
 /// Groups sorted entries into blocks.
 void find_blocks(BlockBins& bins) {
@@ -326,13 +374,17 @@ BlockBands count_bands(const BinRequest& request, std::uint64_t band_entries) {
     rows.clear();
     auto last = rows.end();  // neighbours in the file mostly touch the same row: no search then
     windows.begin(request.pages[page]);
+    std::size_t number = 0;
     for (const std::uint32_t t : request.triangles->of(request.first_page + page)) {
+      if (number++ % kTrianglesPerStretch == 0) out.stretches.emplace_back();
+      BlockBands::Stretch& stretch = out.stretches.back();
       Placement(request, page, t)
           .visit_within(
               {}, [&](const TriangleInstance&, std::int32_t y, std::int32_t x0, std::int32_t x1) {
                 if (last == rows.end() || last->first != y) last = rows.try_emplace(y, 0).first;
                 const auto count = static_cast<std::uint64_t>(x1 - x0 + 1);
                 last->second += count;
+                stretch = {std::min(stretch.first, y), std::max(stretch.last, y)};
                 windows.add(y, x0, x1);
                 // Inside the visit: one triangle over many periods has billions of blocks.
                 if ((out.entries += count) > kMostEntries) fail_span(*request.mesh, t);
@@ -364,7 +416,9 @@ std::uint64_t BlockBinner::most_entries() const {
   return most;
 }
 
+// Blocks and tiles are made when the copy that sorting needs is gone.
 std::uint64_t BlockBinner::cost_bytes(std::uint64_t entries) {
+  static_assert(sizeof(BlockBin) + sizeof(TileRange) >= sizeof(BinEntry));
   return entries * (sizeof(BinEntry) + sizeof(BlockBin) + sizeof(TileRange));
 }
 
@@ -372,25 +426,32 @@ BlockBins BlockBinner::bin(std::size_t band) const {
   const BlockBands::Band& here = bands_->bands[band];
   BlockBins bins;
   bins.entries.reserve(here.entries);
+  const auto triangles = [&](std::uint32_t page) {
+    return request_.triangles->of(request_.first_page + page);
+  };
+  std::size_t stretch = 0;
+  for (std::uint32_t page = 0; page < here.first.page; ++page)
+    stretch += (triangles(page).size() + kTrianglesPerStretch - 1) / kTrianglesPerStretch;
   for (std::uint32_t page = here.first.page; page <= here.last.page; ++page) {
     RowRange rows;
     if (page == here.first.page) rows.first = here.first.y;
     if (page == here.last.page) rows.last = here.last.y;
-    for (const std::uint32_t t : request_.triangles->of(request_.first_page + page)) {
-      Placement(request_, page, t)
-          .visit_within(rows, [&](const TriangleInstance& instance, std::int32_t y, std::int32_t x0,
-                                  std::int32_t x1) {
-            for (std::int32_t x = x0; x <= x1; ++x) bins.entries.push_back({page, y, x, instance});
-          });
+    std::span<const std::uint32_t> left = triangles(page);
+    while (!left.empty()) {
+      const auto next = left.first(std::min(left.size(), kTrianglesPerStretch));
+      left = left.subspan(next.size());
+      if (!rows.meets(bands_->stretches[stretch++])) continue;
+      for (const std::uint32_t t : next) {
+        Placement(request_, page, t)
+            .visit_within(rows, [&](const TriangleInstance& instance, std::int32_t y,
+                                    std::int32_t x0, std::int32_t x1) {
+              for (std::int32_t x = x0; x <= x1; ++x)
+                bins.entries.push_back({page, y, x, instance});
+            });
+      }
     }
   }
-  // A total order (no two entries are equal), so that any sort gives the same bytes.
-  const auto place = [](const BinEntry& e) {
-    return std::tuple(e.page, e.y, e.x, e.instance.triangle, e.instance.shift_y,
-                      e.instance.shift_x);
-  };
-  std::sort(bins.entries.begin(), bins.entries.end(),
-            [&](const BinEntry& a, const BinEntry& b) { return place(a) < place(b); });
+  sort_by_window(bins.entries);
   find_blocks(bins);
   std::uint32_t first = 0;
   while (first < bins.blocks.size()) {  // a tile never mixes pages

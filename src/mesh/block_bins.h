@@ -139,7 +139,7 @@ HomeBlock home_block(const std::array<Vec2d, 3>& corners);
 
 /// A mesh's blocks in bands: as many rows of blocks, one page after the other, as have kBandEntries
 /// entries, or half as many as the mesh has triangles, which takes less memory than the mesh; at
-/// least one row. Each band goes through all triangles of its pages, so there should not be many.
+/// least one row. Each band goes through the triangles of its pages, so there should not be many.
 /// Bands depend on the request alone, not on the memory there is.
 struct BlockBands {
   struct Row {
@@ -150,13 +150,21 @@ struct BlockBands {
     Row first, last;
     std::uint64_t entries = 0;
   };
+  /// Which rows kTrianglesPerStretch triangles reach that follow each other on a page, or those
+  /// that are left of it; of none first > last. Most files have neighbours together, so that a band
+  /// can pass over most of its pages.
+  struct Stretch {
+    std::int32_t first = INT32_MAX, last = INT32_MIN;
+  };
   std::vector<Band> bands;
-  std::uint64_t entries = 0;  ///< of all bands
+  std::vector<Stretch> stretches;  ///< page after page
+  std::uint64_t entries = 0;       ///< of all bands
   /// Of any window, at most. Only known of meshes of more than kFewTriangles, else it is entries.
   std::uint64_t most_in_block = 0;
 };
 inline constexpr std::uint64_t kFewTriangles = 1 << 16;
 inline constexpr std::uint64_t kBandEntries = 1 << 18;
+inline constexpr std::size_t kTrianglesPerStretch = 1024;
 /// Visits rows of blocks, not blocks. Throws Error(input) when the UVs span an absurd number of
 /// texels or blocks.
 BlockBands count_bands(const BinRequest& request);

@@ -348,6 +348,37 @@ TEST_CASE("bands hold the same blocks as one, each whole, and no more entries th
   CHECK(binner.most_entries() <= std::max(most, largest_row));
 }
 
+TEST_CASE("entries are in order however many windows there are, in however long a file") {
+  // One triangle a window, or five in each of few; the file goes through them in leaps.
+  const std::int32_t edge = GENERATE(2, 200);
+  const auto size = static_cast<std::uint32_t>(edge * kBlockEdge);
+  Scene scene({{size, size, 0, {}}, {size, size, 0, {}}});
+  const auto windows = static_cast<std::uint32_t>(edge * edge);
+  const std::uint32_t count = std::max(windows, 20U);
+  for (std::uint32_t page : {1U, 0U}) {
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const std::uint32_t w = i * 7919 % windows;
+      const Vec2d at{w % static_cast<std::uint32_t>(edge) * 64.0 + 8,
+                     w / static_cast<std::uint32_t>(edge) * 64.0 + 8};
+      scene.add_texels(at, {at.x + 8, at.y}, {at.x, at.y + 8}, page);
+    }
+  }
+  scene.wraps = GENERATE(false, true);
+  const Bins bins = bin(scene, 1 << 20, GENERATE(std::uint64_t{500}, UINT64_MAX));
+  CHECK(bins.entries.size() == 2 * count);
+  CHECK(bins.blocks.size() == 2 * windows);
+  for (const BlockBin& block : bins.blocks) {
+    for (std::uint32_t i = block.first; i < block.first + block.count; ++i) {
+      const BinEntry& entry = bins.entries[i];
+      REQUIRE((entry.page == block.page && entry.y == block.y && entry.x == block.x));
+      REQUIRE(scene.triangle_page[entry.instance.triangle] == block.page);
+      const bool is_later =
+          i == block.first || entry.instance.triangle > bins.entries[i - 1].instance.triangle;
+      REQUIRE(is_later);
+    }
+  }
+}
+
 TEST_CASE("a page of one tile of UV space has what that tile shows") {
   Scene scene({image(64, 64)});
   scene.wraps = true;
