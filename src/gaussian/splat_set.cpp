@@ -11,11 +11,8 @@
 // Sorted axes make the third one the normal and the first one the reach, so later stages need no
 // branch by which sigma is largest.
 //
-// The tree has no pointers. The store orders Gaussians along a curve, so sixteen in a row are a
-// tight group; a level is an array of spheres around sixteen of the level below, one vector
-// register per test. Spheres only cull: each is a little too large rather than too small, and
-// what they let through is decided again by the Gaussian's own ellipse. So the tree's shape never
-// shows in a pixel, and neither does the sieve, which keeps a part of a block.
+// The tree's shape (splat_spheres.h) never shows in a pixel, and neither does the sieve, which
+// keeps a part of a block.
 #include "gaussian/splat_set.h"
 
 #include <algorithm>
@@ -30,20 +27,7 @@
 namespace pounce::gaussian {
 namespace {
 
-constexpr std::size_t kFanOut = 16;
 constexpr float kLeastPlanarity = 0.02F;
-/// Spheres of the tree are a little larger than what they hold: culling them decides nothing that
-/// culling the Gaussians would not.
-constexpr float kMargin = 1.0001F;
-
-std::size_t whole_registers(std::size_t count) { return (count + kFanOut - 1) / kFanOut * kFanOut; }
-
-void resize(SplatSpheres& spheres, std::size_t count) {
-  spheres.count = count;
-  for (auto& axis : spheres.centre) axis.resize(whole_registers(count));
-  spheres.radius.resize(whole_registers(count));
-}
-
 /// Unfolds one Gaussian, except for its spherical harmonics.
 SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
   SplatShape out{};
@@ -138,32 +122,6 @@ void add_harmonics(const store::SplatBlock& block, std::span<const std::uint16_t
   }
 }
 
-/// Spheres around sixteen spheres each.
-void make_level(const SplatSpheres& below, SplatSpheres& level) {
-  resize(level, (below.count + kFanOut - 1) / kFanOut);
-  for (std::size_t i = 0; i < level.count; ++i) {
-    const std::size_t first = i * kFanOut, last = std::min(first + kFanOut, below.count);
-    Box3f box;
-    const auto centre = [&](std::size_t j) {
-      return Vec3f{below.centre[0][j], below.centre[1][j], below.centre[2][j]};
-    };
-    for (std::size_t j = first; j < last; ++j) {
-      const float r = below.radius[j];
-      box.extend({centre(j) - Vec3f{r, r, r}, centre(j) + Vec3f{r, r, r}});
-    }
-    const Vec3f middle = (box.lo + box.hi) * 0.5F;
-    float radius = 0;
-    for (std::size_t j = first; j < last; ++j)
-      radius = std::max(radius, length(centre(j) - middle) + below.radius[j]);
-    level.centre[0][i] = middle.x;
-    level.centre[1][i] = middle.y;
-    level.centre[2][i] = middle.z;
-    // Rounding of the centres counts, too, where the radius is small against the coordinates.
-    level.radius[i] = radius * kMargin + 4e-7F * (std::abs(middle.x) + std::abs(middle.y) +
-                                                  std::abs(middle.z) + radius);
-  }
-}
-
 /// The sieve's coarse half, for whole blocks of which a piece needs a few Gaussians. It must never
 /// lose one that the exact test below keeps, so it takes the largest sigma on every axis and grows
 /// outwards by more than that test's own rounding. Of each Gaussian: does the box that holds its
@@ -191,14 +149,10 @@ void meet_all(const store::SplatBlock& block, const Box3f& box, std::vector<std:
 }  // namespace
 
 std::uint64_t SplatSet::most_bytes(std::uint64_t splats, std::uint32_t lobes) {
-  std::uint64_t bytes = round_to_pages(splats * sizeof(SplatShape)) + sizeof(SplatSet) +
-                        round_to_pages(splats * 3 * lobes * sizeof(float)) +
-                        6 * round_to_pages(whole_registers(splats) * sizeof(float));
-  for (int level = 0; level < 3; ++level) {
-    bytes += 4 * round_to_pages(whole_registers(splats) * sizeof(float));
-    splats = (splats + kFanOut - 1) / kFanOut;
-  }
-  return bytes;
+  const std::uint64_t bytes = round_to_pages(splats * sizeof(SplatShape)) + sizeof(SplatSet) +
+                              round_to_pages(splats * 3 * lobes * sizeof(float)) +
+                              6 * round_to_pages(whole_registers(splats) * sizeof(float));
+  return bytes + tree_bytes(splats);
 }
 
 void SplatSet::reserve(std::size_t splats, std::uint32_t lobes) {
@@ -231,7 +185,7 @@ void add_splats(const store::SplatBlock& block, std::span<const std::uint16_t> w
   for (const std::uint16_t i : which) {
     const SplatShape& shape = set.shapes.emplace_back(shape_of(block, i));
     for (std::size_t k = 0; k < 3; ++k) set.levels[0].centre[k][at] = shape.mean[k];
-    set.levels[0].radius[at] = kSplatCutOff * std::sqrt(shape.variance[0]) * kMargin;
+    set.levels[0].radius[at] = kSplatCutOff * std::sqrt(shape.variance[0]) * kSphereMargin;
     set_covariance(shape, at++, set);
   }
   add_harmonics(block, which, harmonics, set);
@@ -244,8 +198,7 @@ void finish(SplatSet& set) {
     shape.sh = sh;
     sh += std::ptrdiff_t{3} * shape.lobes;
   }
-  make_level(set.levels[0], set.levels[1]);
-  make_level(set.levels[1], set.levels[2]);
+  make_levels(set.levels);
 }
 
 void find_near(const store::SplatBlock& block, std::span<const Box3f> boxes,

@@ -10,6 +10,7 @@
 
 #include "core/bounds.h"
 #include "core/page_pool.h"
+#include "gaussian/splat_spheres.h"
 #include "pounce/options.h"
 #include "store/blocks/splat_block.h"
 
@@ -34,21 +35,8 @@ struct SplatShape {
 
 /// Colours are clamped to 0..8 each: what a viewer shows ends at 1, and sums stay in 64 bits.
 inline constexpr float kLargestSplatColour = 8;
-/// Responses beyond so many standard deviations weigh exactly nothing.
-inline constexpr float kSplatCutOff = 3;
 
-/// Spheres that hold Gaussians out to their cut-off (without a texel's footprint), in arrays, so
-/// that sixteen are culled at once. Always whole registers.
-struct SplatSpheres {
-  std::array<PageVector<float>, 3> centre;
-  PageVector<float> radius;
-  std::size_t count = 0;
-};
-
-/// A block of Gaussians as projection uses it: its Gaussians and a tree over them. The store
-/// orders Gaussians along a curve, so that sixteen in a row lie together, and sixteen times
-/// sixteen, too: level 0 of the tree are the Gaussians, sphere i of level k + 1 holds spheres 16 i
-/// to 16 i + 15 of level k.
+/// A block of Gaussians as projection uses it: its Gaussians and a tree over them (SplatSpheres).
 struct SplatSet {
   SplatSet() = default;
   SplatSet(SplatSet&&) = default;  // shapes point into sh, which a move leaves where it is
@@ -56,7 +44,7 @@ struct SplatSet {
 
   PageVector<SplatShape> shapes;
   PageVector<float> sh;  ///< of one Gaussian after the other
-  std::array<SplatSpheres, 3> levels;
+  SplatTree levels;
   /// Covariances of the Gaussians, in arrays like levels[0]: xx, xy, xz, yy, yz, zz.
   std::array<PageVector<float>, 6> covariance;
 

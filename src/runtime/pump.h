@@ -124,12 +124,14 @@ class Pump {
 // --- ordered streams -----------------------------------------------------------------------------
 
 /// Runs make(i) for every i in parallel and take(i, result) one at a time in order of i, with as
-/// many results alive as the budget holds. costs[i] is the lease of work i from before make until
-/// after take. Throws Error(budget), naming `what` it is for, if one work alone does not fit
-/// (before anything is made, if that is known then), and whatever make or take throw.
+/// many results alive as the budget holds, at most `most_at_once`. costs[i] is the lease of work i
+/// from before make until after take. Throws Error(budget), naming `what` it is for, if one work
+/// alone does not fit (before anything is made, if that is known then), and whatever make or take
+/// throw.
 template <class Result, class Make, class Take>
 void run_ordered(MemoryBudget& budget, std::span<const std::uint64_t> costs,
-                 const std::string& what, Make make, Take take) {
+                 const std::string& what, Make make, Take take,
+                 std::size_t most_at_once = works_at_once()) {
   namespace tf = tbb::flow;
   if (costs.empty()) return;
   { const Lease fits(budget, *std::max_element(costs.begin(), costs.end()), what); }
@@ -144,7 +146,8 @@ void run_ordered(MemoryBudget& budget, std::span<const std::uint64_t> costs,
   tf::function_node<std::size_t, ItemPtr> maker(graph, tf::unlimited, [&](std::size_t i) {
     return std::make_shared<Item>(Item{i, make(i)});
   });
-  auto pump = Pump(budget, costs, what, [&](std::size_t i) { maker.try_put(i); });
+  auto pump = Pump(
+      budget, costs, what, [&](std::size_t i) { maker.try_put(i); }, most_at_once);
   tf::sequencer_node<ItemPtr> in_order(graph, [](const ItemPtr& item) { return item->index; });
   tf::function_node<ItemPtr> taker(graph, tf::serial, [&](const ItemPtr& item) {
     take(item->index, *item->result);

@@ -103,7 +103,7 @@ DepthRange TileSight::depths(const Box3f& box) const {
   return {in_order(nearest), in_order(farthest)};
 }
 
-void TileSight::add(const gaussian::SplatSet& set, std::uint64_t first, Slab& slab) const {
+void TileSight::add(const gaussian::SplatColumns& set, std::uint64_t first, Slab& slab) const {
   constexpr std::size_t kOfOne = surface::kLanes;
   // Sixteen spheres of a level are those of one sphere of the level above.
   const auto met_of = [&](const gaussian::SplatSpheres& spheres, std::size_t begin) {
@@ -127,25 +127,28 @@ void TileSight::add(const gaussian::SplatSet& set, std::uint64_t first, Slab& sl
   }
 }
 
-void TileSight::add_sixteen(const gaussian::SplatSet& set, std::size_t begin, unsigned met,
+void TileSight::add_sixteen(const gaussian::SplatColumns& set, std::size_t begin, unsigned met,
                             std::uint64_t first, Slab& slab) const {
   Ellipse shown[surface::kLanes];
-  Ellipse* at = shown;
+  std::size_t lanes[surface::kLanes], count = 0;
+  const Ellipse* at = shown;
   for (unsigned left = kernels_->show(set, begin, met, view_, shown); left != 0;
        left &= left - 1, ++at) {
     const auto i = static_cast<std::size_t>(std::countr_zero(left));
-    Ellipse& e = *at;
-    e.order = {in_order(e.depth), first + i};
-    if (!slab.wants(e.order)) continue;
+    const Order order{in_order(at->depth), first + i};
+    if (!slab.wants(order)) continue;
+    shown[count] = *at;
+    shown[count].order = order;
+    lanes[count++] = i;
+  }
+  if (count == 0) return;
+  float colours[3][surface::kLanes];
+  const std::size_t lobes = harmonics_ ? set.lobes : 0;
+  kernels_->colour(set, begin, std::span(basis_).subspan(1, lobes), colours);
+  for (std::size_t k = 0; k < count; ++k) {
+    Ellipse& e = shown[k];
     e.depth = e.depth * view_.depth_per_pixel + static_cast<float>(kMostDepth / 2);
-    const gaussian::SplatShape& g = set.shapes[begin + i];
-    const std::int32_t lobes = harmonics_ ? g.lobes : 0;
-    for (int c = 0; c < 3; ++c) {
-      float colour = g.colour[c];
-      for (std::int32_t k = 0; k < lobes; ++k)
-        colour += basis_[static_cast<std::size_t>(k) + 1] * g.sh[3 * k + c];
-      e.colour[c] = std::clamp(colour, 0.0F, gaussian::kLargestSplatColour);
-    }
+    for (int c = 0; c < 3; ++c) e.colour[c] = colours[c][lanes[k]];
     slab.add(e);
   }
 }
@@ -154,7 +157,7 @@ void TileSight::add_sixteen(const gaussian::SplatSet& set, std::size_t begin, un
 
 bool draw_tile(
     const TileSight& sight, std::vector<NearBlock> blocks,
-    const std::function<std::shared_ptr<const gaussian::SplatSet>(const NearBlock&)>& block,
+    const std::function<std::shared_ptr<const gaussian::SplatColumns>(const NearBlock&)>& block,
     const ViewKernels& kernels, Slab& slab, Canvas& canvas) {
   std::sort(blocks.begin(), blocks.end(), [](const NearBlock& a, const NearBlock& b) {
     return std::pair(a.depths.nearest, a.first) < std::pair(b.depths.nearest, b.first);

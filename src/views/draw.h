@@ -14,7 +14,7 @@
 #include <memory>
 #include <vector>
 
-#include "gaussian/splat_set.h"
+#include "gaussian/splat_columns.h"
 #include "views/grid.h"
 #include "views/kernels.h"
 #include "views/slab.h"
@@ -60,10 +60,10 @@ class TileSight {
   /// Where the means in a box lie, in Order's depths.
   DepthRange depths(const Box3f& box) const;
   /// Adds to `slab` what the tile may see of a block; `first`: the number of its first Gaussian.
-  void add(const gaussian::SplatSet& set, std::uint64_t first, Slab& slab) const;
+  void add(const gaussian::SplatColumns& set, std::uint64_t first, Slab& slab) const;
 
  private:
-  void add_sixteen(const gaussian::SplatSet& set, std::size_t begin, unsigned met,
+  void add_sixteen(const gaussian::SplatColumns& set, std::size_t begin, unsigned met,
                    std::uint64_t first, Slab& slab) const;
 
   const ViewKernels* kernels_;
@@ -83,7 +83,7 @@ struct NearBlock {
 /// there is nothing, and the canvas is as it was.
 bool draw_tile(
     const TileSight& sight, std::vector<NearBlock> blocks,
-    const std::function<std::shared_ptr<const gaussian::SplatSet>(const NearBlock&)>& block,
+    const std::function<std::shared_ptr<const gaussian::SplatColumns>(const NearBlock&)>& block,
     const ViewKernels& kernels, Slab& slab, Canvas& canvas);
 
 /// The tile's samples, interleaved as in Grid::image(kSceneSamples).

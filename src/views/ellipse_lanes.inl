@@ -25,38 +25,61 @@ inline Floats log_bound(const Floats& x) {
   return exponent * kLog2 + select(upper < m, upper, m);
 }
 
-/// What is needed of sixteen shapes, lane by lane: of those that count. All are written before the
-/// first is read: what was just written in parts is slow to read as a whole.
-struct ShapeLanes {
-  alignas(64) float axis[3][3][kLanes] = {}, variance[3][kLanes] = {}, alpha[kLanes] = {};
+/// Sixteen Gaussians' axes and variances along them, the largest first; of equal ones the first
+/// comes first. An axis may point either way.
+struct AxisLanes {
+  Floats axis[3][3], variance[3];
 
-  ShapeLanes(const gaussian::SplatShape* shapes, unsigned counts) {
-    for (; counts != 0; counts &= counts - 1) {
-      const int lane = std::countr_zero(counts);
-      const gaussian::SplatShape& g = shapes[lane];
-      for (int k = 0; k < 3; ++k) {
-        for (int c = 0; c < 3; ++c) axis[k][c][lane] = g.axis[k][c];
-        variance[k][lane] = g.variance[k];
-      }
-      alpha[lane] = g.alpha;
+  AxisLanes(const gaussian::SplatColumns& set, std::size_t first) {
+    const Floats w = load(&set.rotation[0][first]), x = load(&set.rotation[1][first]),
+                 y = load(&set.rotation[2][first]), z = load(&set.rotation[3][first]);
+    // rotation_columns()
+    const Floats columns[3][3] = {
+        {1.0F - 2.0F * (y * y + z * z), 2.0F * (x * y + w * z), 2.0F * (x * z - w * y)},
+        {2.0F * (x * y - w * z), 1.0F - 2.0F * (x * x + z * z), 2.0F * (y * z + w * x)},
+        {2.0F * (x * z + w * y), 2.0F * (y * z - w * x), 1.0F - 2.0F * (x * x + y * y)}};
+    Floats sigma[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      sigma[k] = load(&set.sigma[k][first]);
+      for (int c = 0; c < 3; ++c) axis[k][c] = columns[k][c];
     }
+    const auto sort = [&](int a, int b) {
+      const Ints swaps = sigma[b] > sigma[a];
+      const auto swap = [&](Floats& p, Floats& q) {
+        const Floats old = p;
+        p = select(swaps, q, old);
+        q = select(swaps, old, q);
+      };
+      swap(sigma[a], sigma[b]);
+      for (int c = 0; c < 3; ++c) swap(axis[a][c], axis[b][c]);
+    };
+    sort(0, 1);
+    sort(1, 2);
+    sort(0, 1);
+    for (int k = 0; k < 3; ++k) variance[k] = sigma[k] * sigma[k];
+  }
+  /// In space.
+  Floats covariance(int a, int b) const {
+    Floats sum = all(0.0F);
+    for (int k = 0; k < 3; ++k) sum = sum + axis[k][a] * axis[k][b] * variance[k];
+    return sum;
   }
 };
 
 /// Writes the ellipses of those of sixteen that the tile shows, one after the other: all but their
 /// order and colour, and their means' depths in pixels. Returns which: a bit each.
-unsigned show(const gaussian::SplatSet& set, std::size_t first, unsigned met, const TileView& view,
-              Ellipse* out) {
-  const ShapeLanes shapes(&set.shapes[first], met);
+unsigned show(const gaussian::SplatColumns& set, std::size_t first, unsigned met,
+              const TileView& view, Ellipse* out) {
+  const AxisLanes axes(set, first);
   const auto& level = set.levels[0];
   const Floats mx = load(&level.centre[0][first]) - view.bounds.middle.x,
                my = load(&level.centre[1][first]) - view.bounds.middle.y,
                mz = load(&level.centre[2][first]) - view.bounds.middle.z;
   const auto along = [&](Vec3f axis) { return axis.x * mx + axis.y * my + axis.z * mz; };
   const float per_pixel = view.per_pixel, square = per_pixel * per_pixel;
-  const auto covariance = [&](std::size_t c) { return load(&set.covariance[c][first]) * square; };
-  const Floats sxx = covariance(0), sxy = covariance(1), sxz = covariance(2), syy = covariance(3),
-               syz = covariance(4), szz = covariance(5);
+  const auto covariance = [&](int a, int b) { return axes.covariance(a, b) * square; };
+  const Floats sxx = covariance(0, 0), sxy = covariance(0, 1), sxz = covariance(0, 2),
+               syy = covariance(1, 1), syz = covariance(1, 2), szz = covariance(2, 2);
   struct Column {
     Floats x, y, z;
   };
@@ -69,11 +92,10 @@ unsigned show(const gaussian::SplatSet& set, std::size_t first, unsigned met, co
   const Floats uu = dot(view.right, su), uv = dot(view.right, sv), vv = dot(view.down, sv);
   Floats squares[3], variances[3];
   for (int k = 0; k < 3; ++k) {
-    const Floats cosine = view.forward.x * load(shapes.axis[k][0]) +
-                          view.forward.y * load(shapes.axis[k][1]) +
-                          view.forward.z * load(shapes.axis[k][2]);
+    const Floats cosine = view.forward.x * axes.axis[k][0] + view.forward.y * axes.axis[k][1] +
+                          view.forward.z * axes.axis[k][2];
     squares[k] = cosine * cosine;
-    variances[k] = load(shapes.variance[k]) * square;
+    variances[k] = axes.variance[k] * square;
   }
   const auto det = [&](float f) {
     const Floats g0 = variances[0] + f, g1 = variances[1] + f, g2 = variances[2] + f;
@@ -81,7 +103,7 @@ unsigned show(const gaussian::SplatSet& set, std::size_t first, unsigned met, co
   };
   const float footprint = view.footprint;
   const Floats whole = det(footprint), fine = det(view.fine);
-  Floats opacity = load(shapes.alpha);
+  Floats opacity = load(&set.alpha[first]);
   if (view.antialiased) opacity = opacity * square_root(det(0) / fine);
   if (footprint > view.fine) opacity = opacity * square_root(fine / whole);  // its integral stays
   Ints ok = opacity >= kLeastAlpha;
@@ -127,4 +149,40 @@ unsigned show(const gaussian::SplatSet& set, std::size_t first, unsigned met, co
   set_all(&Ellipse::reach_x, reach_x);
   set_all(&Ellipse::reach_y, reach_y);
   return shown;
+}
+
+/// Half floats of sixteen lanes, finite; of the last `left` lanes there is no more.
+inline Floats load_halves(const std::uint16_t* at, std::size_t left) {
+  std::uint16_t halves[kLanes] = {};
+  if (left >= kLanes)
+    std::memcpy(halves, at, sizeof halves);
+  else
+    std::copy_n(at, left, halves);
+  alignas(64) std::int32_t wide[kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) wide[lane] = halves[lane];
+  const Ints raw = load(wide);
+  const auto shifted = [](const Ints& value, int by) {
+    return each([by](IntRegister x) { return x << by; }, value);
+  };
+  const auto as_floats = [](const Ints& value) {
+    return each([](IntRegister x) { return (FloatRegister)x; }, value);
+  };
+  // The exponent's bias is 112 less: exact, also for the smallest, whose exponent is 0.
+  const Floats size = as_floats(shifted(raw & all(0x7FFF), 13)) * 0x1p112F;
+  return as_floats(bits_of(size) | shifted(raw & all(0x8000), 16));
+}
+
+/// What a view with these harmonics shows of the sixteen Gaussians from `first` on.
+void colour(const gaussian::SplatColumns& set, std::size_t first, std::span<const float> basis,
+            float (*out)[kLanes]) {
+  for (std::size_t c = 0; c < 3; ++c) {
+    Floats sum = load(&set.colour[c][first]);
+    for (std::size_t k = 0; k < basis.size(); ++k) {
+      const std::size_t at = (3 * k + c) * set.size() + first;
+      sum = sum + basis[k] * load_halves(&set.sh[at], set.sh.size() - at);
+    }
+    sum = select(sum < 0.0F, all(0.0F), sum);
+    constexpr float kLargest = gaussian::kLargestSplatColour;
+    store(out[c], select(sum < kLargest, sum, all(kLargest)));
+  }
 }

@@ -100,38 +100,56 @@ inline Ints rounded(const Floats& value) { return to_int(value + 0.5F); }
 
 inline Floats at_most(const Floats& a, float most) { return select(a < most, a, all(most)); }
 
-void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const PlacePacket& place,
-                   SightPacket& sight) {
-  const Floats x = load(place.x), y = load(place.y), depth = load(place.depth);
-  const Ints weight = load(place.weight), low_x = to_int(x), low_y = to_int(y);
-  const Ints in_x = low_x - static_cast<std::int32_t>(tiles.tile_x * kTileEdge),
-             in_y = low_y - static_cast<std::int32_t>(tiles.tile_y * kTileEdge);
-  Ints here = (weight > 0) & (in_x >= 0) & (in_x < kTileEdge) & (in_y >= 0) & (in_y < kTileEdge);
-  if (!any(here)) return;
-  // The four pixels around, and their shares.
-  alignas(64) std::int32_t first[kLanes];
-  store(first, select(here, (in_y + kApron) * kStoredEdge + in_x + kApron, all(0)));
-  const Floats fx = x - to_float(low_x), fy = y - to_float(low_y), gx = 1.0F - fx, gy = 1.0F - fy;
-  const Floats shares[4] = {gx * gy, fx * gy, gx * fy, fx * fy};
+/// Sixteen texels in a tile.
+struct InTile {
+  Ints here;                               ///< those that lie in it and face the eye
+  Floats x, y;                             ///< from the first of the four pixels around
+  alignas(64) std::int32_t first[kLanes];  ///< that pixel; of the others the tile's first
 
-  // Is the target's surface, in some of them, about where the texel is?
-  Ints on_target = all(0);
+  InTile(const ViewTiles& tiles, const PlacePacket& place) {
+    const Floats at_x = load(place.x), at_y = load(place.y);
+    const Ints low_x = to_int(at_x), low_y = to_int(at_y);
+    const Ints in_x = low_x - static_cast<std::int32_t>(tiles.tile_x * kTileEdge),
+               in_y = low_y - static_cast<std::int32_t>(tiles.tile_y * kTileEdge);
+    here = (load(place.weight) > 0) & (in_x >= 0) & (in_x < kTileEdge) & (in_y >= 0) &
+           (in_y < kTileEdge);
+    x = at_x - to_float(low_x);
+    y = at_y - to_float(low_y);
+    store(first, select(here, (in_y + kApron) * kStoredEdge + in_x + kApron, all(0)));
+  }
+};
+
+/// Is the target's surface, in some of the four pixels, about where the texel is?
+inline Ints on_target(const SightLimits& limits, const ViewTiles& tiles, const Floats& depth,
+                      const InTile& in) {
+  Ints out = all(0);
   // All of them are written before the first is read: what was just written lane by lane is slow to
   // read as a whole.
   alignas(64) std::int32_t samples[2][kLanes];
   for (int lane = 0; lane < kLanes; ++lane) {
     for (int row = 0; row < 2; ++row)
-      std::memcpy(&samples[row][lane], tiles.target + first[lane] + row * kStoredEdge,
+      std::memcpy(&samples[row][lane], tiles.target + in.first[lane] + row * kStoredEdge,
                   sizeof samples[row][lane]);
   }
   for (const auto& row : samples) {
     for (const Floats& sample : {low(load(row)), high(load(row))}) {
-      on_target = on_target | ((sample < static_cast<float>(kNoDepth)) &
-                               (absolute(sample - depth) <= limits.on_target));
+      out = out | ((sample < static_cast<float>(kNoDepth)) &
+                   (absolute(sample - depth) <= limits.on_target));
     }
   }
-  here = here & on_target;
+  return out;
+}
+
+void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const PlacePacket& place,
+                   SightPacket& sight) {
+  const InTile in(tiles, place);
+  if (!any(in.here)) return;
+  const Floats depth = load(place.depth);
+  const Ints weight = load(place.weight);
+  Ints here = in.here & on_target(limits, tiles, depth, in);
   if (!any(here)) return;
+  const Floats gx = 1.0F - in.x, gy = 1.0F - in.y;
+  const Floats shares[4] = {gx * gy, in.x * gy, gx * in.y, in.x * in.y};
 
   // Colours are those of what is there: each counts by its alpha.
   Floats colours[3] = {all(0.0F), all(0.0F), all(0.0F)}, alpha = all(0.0F);
@@ -141,7 +159,7 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
     for (int row = 0; row < 2; ++row)
       rows[row].set(lane,
                     tiles.scene + std::size_t{kSceneSamples} *
-                                      static_cast<std::size_t>(first[lane] + row * kStoredEdge));
+                                      static_cast<std::size_t>(in.first[lane] + row * kStoredEdge));
   }
   const auto add_pixel = [&](const Floats& part, const Floats(&own)[5]) {
     const Floats share = part * own[3];
@@ -189,12 +207,22 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
   if (any(hides)) add(sight.hidden, hides);
 }
 
+inline bool meets(const TileRange& range, const ViewTiles& tiles) {
+  return !range.empty() && tiles.tile_x >= range.x0 && tiles.tile_x <= range.x1 &&
+         tiles.tile_y >= range.y0 && tiles.tile_y <= range.y1;
+}
+
+bool sees(const SightLimits& limits, const ViewTiles& tiles, std::span<const PlacePacket> places) {
+  return std::any_of(places.begin(), places.end(), [&](const PlacePacket& place) {
+    if (!meets(place.tiles, tiles)) return false;
+    const InTile in(tiles, place);
+    return any(in.here & on_target(limits, tiles, load(place.depth), in));
+  });
+}
+
 void gather(const SightLimits& limits, const ViewTiles& tiles, std::span<const PlacePacket> places,
             std::span<SightPacket> sights) {
   for (std::size_t p = 0; p < places.size(); ++p) {
-    const TileRange& range = places[p].tiles;
-    if (!range.empty() && tiles.tile_x >= range.x0 && tiles.tile_x <= range.x1 &&
-        tiles.tile_y >= range.y0 && tiles.tile_y <= range.y1)
-      gather_packet(limits, tiles, places[p], sights[p]);
+    if (meets(places[p].tiles, tiles)) gather_packet(limits, tiles, places[p], sights[p]);
   }
 }

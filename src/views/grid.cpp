@@ -90,6 +90,16 @@ bool Grid::has(std::uint32_t view, std::uint32_t tile_x, std::uint32_t tile_y) c
   return meets(f.right, tile_x) && meets(f.down, tile_y);
 }
 
+std::uint64_t Grid::tiles() const {
+  std::uint64_t count = 0;
+  for (std::uint32_t view = 0; view < views(); ++view) {
+    for (std::uint32_t y = 0; y < across_; ++y) {
+      for (std::uint32_t x = 0; x < across_; ++x) count += has(view, x, y) ? 1 : 0;
+    }
+  }
+  return count;
+}
+
 store::ColourDirectory Grid::image(std::uint32_t samples) const {
   store::ColourDirectory image;
   image.width = edge();

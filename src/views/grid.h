@@ -93,6 +93,7 @@ class Grid {
   }
   /// Does some of the region lie in a tile, with its apron?
   bool has(std::uint32_t view, std::uint32_t tile_x, std::uint32_t tile_y) const;
+  std::uint64_t tiles() const;  ///< that some of the region lies in, of all views
 
   /// The tall image of all views, with so many samples per pixel.
   store::ColourDirectory image(std::uint32_t samples) const;

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "core/vec.h"
-#include "gaussian/splat_set.h"
+#include "gaussian/splat_columns.h"
 #include "surface/target_block.h"
 
 namespace pounce::views {
@@ -60,8 +60,12 @@ struct ViewKernels {
   /// What the tile shows of those of `met` (a bit each) among the sixteen Gaussians from `first`
   /// on: writes one ellipse after the other, all of it but order and colour, the depth in pixels
   /// from the view's middle. Returns which are shown.
-  unsigned (*show)(const gaussian::SplatSet& set, std::size_t first, unsigned met,
+  unsigned (*show)(const gaussian::SplatColumns& set, std::size_t first, unsigned met,
                    const TileView& view, Ellipse* out);
+  /// The colours of these sixteen Gaussians (out[channel][lane]) with as many lobes of harmonics as
+  /// `basis` has, of the view's direction.
+  void (*colour)(const gaussian::SplatColumns& set, std::size_t first, std::span<const float> basis,
+                 float (*out)[surface::kLanes]);
   /// Composites ellipses in their order behind what is there. False: nothing behind them will show.
   bool (*draw)(std::span<const Ellipse* const> ellipses, Canvas& canvas);
   /// Lowers depths to those of triangles that are nearer. Of a triangle count the pixels whose
@@ -72,6 +76,10 @@ struct ViewKernels {
   /// do not, only the cosines, the weights and the empty range of tiles are set.
   void (*place)(const PlaceFrame& frame, std::span<const surface::TexelPacket> packets,
                 std::span<PlacePacket> places, std::span<SightPacket> sights);
+  /// Does the target's surface, in one tile of a view, lie about where some texel does? Else
+  /// gather() adds nothing. Needs no scene.
+  bool (*sees)(const SightLimits& limits, const ViewTiles& tiles,
+               std::span<const PlacePacket> places);
   /// Adds to texels what one tile of a view shows where they lie in it.
   void (*gather)(const SightLimits& limits, const ViewTiles& tiles,
                  std::span<const PlacePacket> places, std::span<SightPacket> sights);

@@ -13,6 +13,7 @@
 #include <limits>
 #include <utility>
 
+#include "gaussian/splat_set.h"
 #include "surface/target_block.h"
 #include "views/draw.h"
 #include "views/gather.h"
@@ -213,6 +214,7 @@ unsigned meet(const float* x, const float* y, const float* z, const float* radiu
 }  // namespace
 
 extern const ViewKernels kViewKernels;
-const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet, show, draw, draw_depths, place, gather};
+const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet,  show, colour, draw,
+                               draw_depths,     place, sees, gather};
 
 }  // namespace pounce::views::POUNCE_ISA_NAMESPACE

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "flow/stores/build_stores.h"
+#include "gaussian/splat_columns.h"
 #include "gaussian/splat_set.h"
 #include "job/job_context.h"
 #include "runtime/block_cache.h"
@@ -90,6 +91,17 @@ struct SplatReader : TileReader<store::SplatStore, store::SplatEntry, gaussian::
   }
 };
 using SplatCache = runtime::BlockCache<SplatReader>;
+
+/// The same as views draw them.
+struct DrawnReader : TileReader<store::SplatStore, store::SplatEntry, gaussian::SplatColumns> {
+  Block read_block(const Entry& entry) const {
+    return gaussian::make_splat_columns(store->read_block(entry, job->compressor()));
+  }
+  std::uint64_t block_bytes(const Entry& entry) const {
+    return Block::most_bytes(entry.splats, store->directory().lobes);
+  }
+};
+using DrawnCache = runtime::BlockCache<DrawnReader>;
 
 /// Of an image of 16 bits.
 inline const std::uint16_t* samples_of(const store::ColourTile& tile) {

@@ -2,8 +2,9 @@
 //
 // A scene's views become a column of tiles, row by row: a row is a task. It asks the splat store
 // for the blocks that each of its tiles may see, one tile after the other; decoded blocks stay in
-// the block cache for the next ones. Nothing of the scene is spilled, and nothing is held but a
-// tile, the nearest of its Gaussians, a block and the list of those that it may see.
+// the block cache for the next ones (docs/decisions/074-views-in-small-budgets.md). Nothing of the
+// scene is spilled, and nothing is held but a tile, the nearest of its Gaussians, a block and the
+// list of those that it may see.
 #include "flow/stores/views.h"
 
 #include <fmt/format.h>
@@ -51,7 +52,7 @@ std::unique_ptr<ColourCache> opened(job::JobContext& job,
   return std::make_unique<ColourCache>(job.budget, ColourReader{&job, std::move(store), nullptr});
 }
 
-using SplatIndexPart = std::shared_ptr<const SplatCache::Index>;
+using SplatIndexPart = std::shared_ptr<const DrawnCache::Index>;
 
 /// Of the list of blocks that a tile may see, if it sees all, and of their entries.
 constexpr std::uint64_t places_bytes(std::uint64_t blocks) {
@@ -68,8 +69,7 @@ class SceneDrawing {
         grid_(grid),
         before_inside_(before_inside),
         image_(grid.image(views::kSceneSamples)),
-        // All degrees, whatever the ray makes of them.
-        blocks_(job.budget, SplatReader{{&job, request.scene}, SphericalHarmonics::normal}) {}
+        blocks_(job.budget, DrawnReader{{&job, request.scene}}) {}
 
   std::unique_ptr<ColourCache> make(bool* cached) {
     const Hash128 key = this->key();
@@ -114,27 +114,46 @@ class SceneDrawing {
     const store::SplatDirectory& d = request_.scene->directory();
     return d.largest_chunk_bytes +
            store::SplatBlock::decoded_bytes(d.most_splats, d.has_normals, d.lobes) +
-           gaussian::SplatSet::most_bytes(d.most_splats, d.lobes);
+           gaussian::SplatColumns::most_bytes(d.most_splats, d.lobes);
   }
-  std::uint64_t row_bytes(std::size_t ellipses) const {
+  std::uint64_t row_bytes(std::size_t ellipses, std::uint32_t tiles) const {
     return sizeof(views::Canvas) + views::Slab::most_bytes(ellipses) + block_bytes() +
            places_bytes(request_.scene->directory().blocks()) +
            encoding_bytes(views::kSceneSamples) + 3 * views::tile_bytes(views::kTargetSamples) +
-           grid_.tiles_across() * views::tile_bytes(views::kSceneSamples);
+           tiles * views::tile_bytes(views::kSceneSamples);
+  }
+  std::uint32_t tiles_of(std::uint32_t row) const {
+    const std::uint32_t view = row / grid_.tiles_across(), y = row % grid_.tiles_across();
+    std::uint32_t count = 0;
+    for (std::uint32_t x = 0; x < grid_.tiles_across(); ++x) count += grid_.has(view, x, y) ? 1 : 0;
+    return count;
+  }
+  /// All blocks, decoded.
+  std::uint64_t scene_bytes() const {
+    const store::SplatDirectory& d = request_.scene->directory();
+    return d.splats * gaussian::SplatColumns::most_bytes(d.most_splats, d.lobes) /
+           std::max(d.most_splats, 1U);
   }
 
   std::unique_ptr<store::PackWriter> draw(std::unique_ptr<store::PackWriter> pack,
                                           const ColourCache* inside) {
-    const std::uint64_t room =
-        (job_.budget.limit() - std::min(job_.budget.limit(), job_.budget.leased())) /
-        (2 * runtime::works_at_once());
+    std::vector<std::uint32_t> tiles(image_.tiles_y());
+    for (std::uint32_t row = 0; row < tiles.size(); ++row) tiles[row] = tiles_of(row);
+    const std::uint32_t most_tiles = *std::max_element(tiles.begin(), tiles.end());
+    const std::uint64_t left =
+        job_.budget.limit() - std::min(job_.budget.limit(), job_.budget.leased());
     // A tile shows a small part of its scene; what is not leased keeps decoded blocks.
     const std::uint64_t enough =
         std::min<std::uint64_t>(request_.scene->directory().splats / kTileShare, kMostEllipses);
+    // Where not all of them stay, rows that wait for a thread would only take their place.
+    const bool has_room = scene_bytes() <= left / 2;
+    const std::size_t at_once = runtime::works_at_once(has_room ? 3 : 1);
+    const std::uint64_t room = left / (has_room ? 2 : 4) / at_once;
     std::size_t ellipses = kLeastEllipses;
-    while (ellipses < enough && row_bytes(2 * ellipses) <= room) ellipses *= 2;
+    while (ellipses < enough && row_bytes(2 * ellipses, most_tiles) <= room) ellipses *= 2;
     if (request_.most_ellipses > 0) ellipses = request_.most_ellipses;
-    const std::vector<std::uint64_t> costs(image_.tiles_y(), row_bytes(ellipses));
+    std::vector<std::uint64_t> costs;
+    for (const std::uint32_t count : tiles) costs.push_back(row_bytes(ellipses, count));
     store::ColourStoreWriter writer(std::move(pack), image_.tiles_y());
     runtime::run_ordered<Row>(
         job_.budget, costs, "drawing " + request_.path + " from all around",
@@ -146,7 +165,8 @@ class SceneDrawing {
                          static_cast<std::uint32_t>(views::tile_bytes(views::kSceneSamples)),
                          job_.compressor());
           job_.meter.advance(inside == nullptr ? 1 : 0);
-        });
+        },
+        at_once);
     return writer.finish(image_, job_.compressor());
   }
 
@@ -157,8 +177,10 @@ class SceneDrawing {
     const auto canvas = std::make_unique<views::Canvas>();
     if (grid_.begins_within()) canvas->begin_at(grid_.begin(view));
     std::vector<SplatIndexPart> indices;
-    for (std::uint32_t x = 0; x < tiles.size(); ++x) {
+    for (std::uint32_t i = 0; i < tiles.size(); ++i) {
       job_.meter.throw_if_cancelled();
+      // There and back: a row begins at the blocks that the one before has left decoded.
+      const auto x = y % 2 == 0 ? i : static_cast<std::uint32_t>(tiles.size()) - 1 - i;
       if (!grid_.has(view, x, y)) continue;
       if (inside != nullptr) {
         const store::ChunkRef depths = (*inside->index(row))[x];
@@ -202,7 +224,7 @@ class SceneDrawing {
   const views::Grid& grid_;
   const float before_inside_;
   const store::ColourDirectory image_;
-  const SplatCache blocks_;
+  const DrawnCache blocks_;
 };
 
 /// Nobody looks for it by its key: it is as quickly drawn as it is read.
@@ -288,6 +310,9 @@ SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const 
                  nullptr};
   out.limits.on_target = out.grid.in_steps(static_cast<float>(views::kOnTarget * diagonal));
   out.limits.hidden = out.grid.in_steps(static_cast<float>(views::kHidden * diagonal));
+  constexpr std::uint64_t kPairBytes =
+      views::tile_bytes(views::kSceneSamples) + views::tile_bytes(views::kTargetSamples);
+  out.stays_decoded = out.grid.tiles() * kPairBytes <= job.budget.limit() / 2;
   job.meter.begin("views", out.grid.image(views::kSceneSamples).tiles_y(), "rows", progress_end);
   bool cached = false;
   SceneDrawing drawing(job, request, out.grid,
@@ -311,7 +336,7 @@ std::uint64_t scene_views_least_bytes(std::uint32_t lobes, std::uint64_t splats)
   return sizeof(views::Canvas) + views::Slab::most_bytes(kLeastEllipses) +
          kSplats * (sizeof(store::Splat) + store::lobe_bytes(lobes)) +
          store::SplatBlock::decoded_bytes(kSplats, true, lobes) +
-         gaussian::SplatSet::most_bytes(kSplats, lobes) + places_bytes(splats / kFewInBlock) +
+         gaussian::SplatColumns::most_bytes(kSplats, lobes) + places_bytes(splats / kFewInBlock) +
          encoding_bytes(views::kSceneSamples) + 3 * views::tile_bytes(views::kTargetSamples) +
          views::Grid::kMostAcross * views::tile_bytes(views::kSceneSamples);
 }

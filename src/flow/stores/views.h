@@ -26,6 +26,7 @@ struct SceneViews {
   /// views::TargetDepths::inside(). Null: nowhere.
   std::unique_ptr<ColourCache> inside_scene = nullptr, inside_target = nullptr;
   std::vector<std::unique_ptr<job::ScratchPack>> go_with_it = {};
+  bool stays_decoded = false;  ///< all tiles have room in half of the budget
 
   /// Packets that look inside of the target at once.
   static constexpr std::size_t kInsideAtOnce = 64;

@@ -196,7 +196,9 @@ SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name
   }
   SplatBlock block;
   block.lobes = kLobesOfDegree[degree];
+  constexpr std::size_t kLanes = 16;  // whoever wants whole registers can have them in place
   for_columns(block, normals, [&](PageVector<float>& column, bool near) {
+    column.reserve((std::size_t{count} + kLanes - 1) / kLanes * kLanes);
     column.resize(count);
     const auto bytes = std::as_writable_bytes(std::span(column));
     unshuffle(in.take(bytes.size()), sizeof(float), bytes);

@@ -263,6 +263,18 @@ TEST_CASE("kernels see the same bits, lane by lane", "[views]") {
     std::vector<SightPacket> found(places.size());
     kernels->gather(kLimits, tiles.view, places, found);
     CHECK(std::memcmp(found.data(), expected.data(), found.size() * sizeof found[0]) == 0);
+    // Without the scene it is known which packets would find nothing.
+    ViewTiles target = tiles.view;
+    target.scene = nullptr;
+    for (std::size_t p = 0; p < places.size(); ++p) {
+      const SightPacket none{};
+      if (!kernels->sees(kLimits, target, {&places[p], 1}))
+        CHECK(std::memcmp(&expected[p], &none, sizeof none) == 0);
+    }
+    CHECK(kernels->sees(kLimits, target, places));
+    CHECK_FALSE(kernels->sees({}, target, places));
+    ++target.tile_x;
+    CHECK_FALSE(kernels->sees(kLimits, target, places));
   }
 }
 
