@@ -48,11 +48,14 @@ class BlockCache {
   }
 
   std::shared_ptr<const Block> block(const Entry& entry) const {
-    const CacheKey key{id(), reader_.place(entry)};
-    if (auto kept = budget_.find(key)) return std::static_pointer_cast<const Block>(kept);
+    if (auto kept = kept_block(entry)) return kept;
     auto made = std::make_shared<const Block>(reader_.read_block(entry));
-    budget_.keep(key, made, reader_.block_bytes(entry));
+    budget_.keep({id(), reader_.place(entry)}, made, reader_.block_bytes(entry));
     return made;
+  }
+  /// The same where it need not be decoded; else null.
+  std::shared_ptr<const Block> kept_block(const Entry& entry) const {
+    return std::static_pointer_cast<const Block>(budget_.find({id(), reader_.place(entry)}));
   }
 
  private:

@@ -40,6 +40,13 @@ bool is_seen(const SightPacket& sights, int lane) {
   return sights.clear.weight[lane] > 0 || sights.hidden.weight[lane] > 0;
 }
 
+bool has_unseen(const TexelPacket& packet, const SightPacket& sights) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (packet.texel[lane] != surface::kNoTexel && !is_seen(sights, lane)) return true;
+  }
+  return false;
+}
+
 /// As unused lanes are.
 void drop_lane(TexelPacket& packet, int lane) {
   packet.texel[lane] = surface::kNoTexel;
@@ -64,24 +71,21 @@ bool drop_clear(std::span<TexelPacket> packets, std::span<SightPacket> sights) {
   return any;
 }
 
-std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> groups,
-                                        std::span<const TexelPacket> packets,
-                                        std::span<const SightPacket> sights,
-                                        projection::SplatState& rays) {
-  const auto is_left = [&](std::size_t p) {
-    for (int lane = 0; lane < kLanes; ++lane) {
-      if (packets[p].texel[lane] != surface::kNoTexel && !is_seen(sights[p], lane)) return true;
-    }
-    return false;
-  };
+std::size_t count_unseen(std::span<const TexelPacket> packets,
+                         std::span<const SightPacket> sights) {
   std::size_t count = 0;
-  for (std::size_t p = 0; p < packets.size(); ++p) count += is_left(p) ? 1 : 0;
-  rays.packets.reserve(count);
-  std::vector<std::uint32_t> places(packets.size());
+  for (std::size_t p = 0; p < packets.size(); ++p)
+    count += has_unseen(packets[p], sights[p]) ? 1 : 0;
+  return count;
+}
+
+void leave_unseen(std::span<const surface::PacketGroup> groups,
+                  std::span<const TexelPacket> packets, std::span<const SightPacket> sights,
+                  std::span<std::uint32_t> places, projection::SplatState& rays) {
   for (const surface::PacketGroup& group : groups) {
     surface::PacketGroup left{static_cast<std::uint32_t>(rays.packets.size()), 0};
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
-      if (!is_left(p)) continue;
+      if (!has_unseen(packets[p], sights[p])) continue;
       TexelPacket packet = packets[p];
       for (int lane = 0; lane < kLanes; ++lane) {
         if (is_seen(sights[p], lane)) drop_lane(packet, lane);
@@ -92,7 +96,6 @@ std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> gr
     }
     if (left.count > 0) rays.groups.push_back(left);
   }
-  return places;
 }
 
 projection::SplatFindings sights_of(const Grid& grid, const SightLimits& limits,

@@ -94,12 +94,14 @@ void place(const Grid& grid, std::uint32_t view, const ViewKernels& kernels,
 /// views: these look again. False: there are none.
 bool drop_clear(std::span<TexelPacket> packets, std::span<SightPacket> sights);
 
-/// The texels that no view sees become packets of `rays`, in their groups. Returns for each packet
-/// the one there that has its unseen texels.
-std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> groups,
-                                        std::span<const TexelPacket> packets,
-                                        std::span<const SightPacket> sights,
-                                        projection::SplatState& rays);
+/// How many of these packets have texels that no view sees.
+std::size_t count_unseen(std::span<const TexelPacket> packets, std::span<const SightPacket> sights);
+
+/// The texels of these groups that no view sees become packets of `rays`, in their groups. `places`
+/// says of each packet of the groups which one there has its unseen texels.
+void leave_unseen(std::span<const surface::PacketGroup> groups,
+                  std::span<const TexelPacket> packets, std::span<const SightPacket> sights,
+                  std::span<std::uint32_t> places, projection::SplatState& rays);
 
 /// What the texels of a packet have seen, lane by lane: nothing where no view sees them. Opacity is
 /// the alpha of what is there.

@@ -188,6 +188,28 @@ TEST_CASE("a room is seen as a doll's house, haze and all", "[flow]") {
   }
 }
 
+TEST_CASE("a small budget decodes blocks and tiles a few times, not for each that asks", "[flow]") {
+  // No view sees the half of the target where the scene is not: rays have their turns, too.
+  const TempFolder folder;
+  Random random(7);
+  std::vector<ReferenceSplat> scene;
+  for (const ReferenceSplat& s : needles(random, 90000)) {
+    if (s.mean.x > 0) scene.push_back(s);
+  }
+  TransferOptions options = sphere(folder, scene);
+  options.splats.look = Look::around;
+  const Report ample = flow::transfer(options, {});
+  const std::vector<double> shown = read_whole_image(options.output).samples;
+  options.resources.memory_bytes = flow::plan(options, {}).least_memory_bytes;
+  for (const unsigned threads : {1U, 2U}) {
+    options.resources.threads = threads;
+    const Report small = flow::transfer(options, {});
+    CAPTURE(threads, options.resources.memory_bytes, small.bytes_read, ample.bytes_read);
+    CHECK(read_whole_image(options.output).samples == shown);
+    CHECK(small.bytes_read < 8 * ample.bytes_read);
+  }
+}
+
 TEST_CASE("discs are looked at along normals, unless one asks otherwise", "[flow]") {
   const TempFolder folder;
   Random random(2);

@@ -4,16 +4,19 @@
 #include <algorithm>
 #include <vector>
 
+#include "flow/project/pieces.h"
+
 namespace pounce::flow {
 namespace {
 
 void look_around(const SceneViews& views, const ColourCache& of_scene, const ColourCache& of_target,
                  std::span<const surface::TexelPacket> packets,
-                 std::span<views::SightPacket> sights) {
+                 std::span<views::SightPacket> sights, bool backwards) {
   std::vector<views::PlacePacket> places;
-  const std::uint32_t across = views.grid.tiles_across();
+  const std::uint32_t across = views.grid.tiles_across(), last_view = views.grid.views() - 1;
   std::vector<char> tiles(std::size_t{across} * across);  // of a view: some texel may lie there
-  for (std::uint32_t view = 0; view < views.grid.views(); ++view) {
+  for (std::uint32_t i = 0; i <= last_view; ++i) {
+    const std::uint32_t view = backwards ? last_view - i : i;
     views::place(views.grid, view, *views.kernels, packets, places, sights);
     std::fill(tiles.begin(), tiles.end(), false);
     views::TileRange last;  // most packets lie where the one before does
@@ -34,9 +37,16 @@ void look_around(const SceneViews& views, const ColourCache& of_scene, const Col
         // Where there is nothing of the one or the other, no texel is seen.
         const store::ChunkRef scene = (*of_row)[x], target = (*target_of_row)[x];
         if (!asked[x] || store::is_left_out(scene) || store::is_left_out(target)) continue;
-        const auto shown = of_scene.block(scene), depths = of_target.block(target);
-        views.kernels->gather(views.limits, {x, y, samples_of(*shown), samples_of(*depths)}, places,
-                              sights);
+        const auto depths = of_target.block(target);
+        views::ViewTiles tile{x, y, nullptr, samples_of(*depths)};
+        auto shown = of_scene.kept_block(scene);
+        if (shown == nullptr) {
+          // Most of what faces an eye is hidden from it by the target: a fifth of the bytes tells.
+          if (!views.kernels->sees(views.limits, tile, places)) continue;
+          shown = of_scene.block(scene);
+        }
+        tile.scene = samples_of(*shown);
+        views.kernels->gather(views.limits, tile, places, sights);
       }
     }
   }
@@ -44,31 +54,77 @@ void look_around(const SceneViews& views, const ColourCache& of_scene, const Col
 
 /// What no view has seen, or none unhidden, is looked for inside of the target.
 void look_inside(const SceneViews& views, std::span<const surface::TexelPacket> packets,
-                 std::span<views::SightPacket> sights) {
+                 std::span<views::SightPacket> sights, bool backwards) {
   std::vector<surface::TexelPacket> left;
   for (std::size_t first = 0; first < packets.size(); first += SceneViews::kInsideAtOnce) {
     const auto own =
         sights.subspan(first, std::min(SceneViews::kInsideAtOnce, packets.size() - first));
     left.assign(&packets[first], &packets[first] + own.size());
     if (views::drop_clear(left, own))
-      look_around(views, *views.inside_scene, *views.inside_target, left, own);
+      look_around(views, *views.inside_scene, *views.inside_target, left, own, backwards);
   }
 }
 
 }  // namespace
 
-void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work) {
+void take_turn(AroundWork& work, bool several, projection::SplatState& rays) {
+  const auto block_of = [&](std::size_t group) {
+    return work.packets[work.groups[group].first].block;
+  };
+  const auto begin_of = [&](std::size_t group) -> std::size_t {
+    return group < work.groups.size() ? work.groups[group].first : work.packets.size();
+  };
+  const auto next_block = [&](std::size_t group) {
+    const std::uint32_t block = block_of(group);
+    while (group < work.groups.size() && block_of(group) == block) ++group;
+    return group;
+  };
+  const auto unseen = [&](std::size_t group, std::size_t end) {
+    const std::size_t first = begin_of(group), count = begin_of(end) - first;
+    return views::count_unseen(std::span(work.packets).subspan(first, count),
+                               std::span(work.sights).subspan(first, count));
+  };
+  if (work.end == 0) {
+    work.ray.resize(work.packets.size());
+    // Once for all turns, by what the piece's lease holds; each array may take a page more than
+    // its share of all.
+    constexpr std::size_t kInPages = 16;
+    const std::size_t share = work.packets.size() / kTurns;
+    std::size_t most = several ? share - std::min(share, kInPages) : work.packets.size();
+    for (std::size_t g = 0; g < work.groups.size();) {
+      const std::size_t next = next_block(g);
+      most = std::max(most, begin_of(next) - begin_of(g));
+      g = next;
+    }
+    rays.packets.reserve(std::min(most, unseen(0, work.groups.size())));
+  }
+  work.first = work.end;
+  std::size_t end = work.next_group, count = 0;
+  while (end < work.groups.size()) {
+    const std::size_t next = next_block(end);
+    count += unseen(end, next);
+    if (count > rays.packets.capacity()) break;
+    end = next;
+  }
+  rays.packets.clear();
+  rays.groups.clear();
+  views::leave_unseen(std::span(work.groups).subspan(work.next_group, end - work.next_group),
+                      work.packets, work.sights, work.ray, rays);
+  work.next_group = end;
+  work.end = begin_of(end);
+}
+
+void look_around(job::JobContext& job, const SceneViews& views, std::size_t at_once, bool backwards,
+                 AroundWork& work) {
   work.sights.reserve(work.packets.capacity());  // as other pieces had it
   work.sights.assign(work.packets.size(), views::SightPacket{});
-  // Block by block, whose sums stay in the processor's cache while all views go past.
-  for (std::size_t p = 0; p < work.packets.size();) {
-    const std::size_t first = p;
-    while (p < work.packets.size() && work.packets[p].block == work.packets[first].block) ++p;
+  for (std::size_t first = 0; first < work.packets.size(); first += at_once) {
     job.meter.throw_if_cancelled();
-    const auto packets = std::span(work.packets).subspan(first, p - first);
-    const auto sights = std::span(work.sights).subspan(first, p - first);
-    look_around(views, *views.scene, *views.target, packets, sights);
-    if (views.inside_scene) look_inside(views, packets, sights);
+    const std::size_t count = std::min(at_once, work.packets.size() - first);
+    const auto packets = std::span(work.packets).subspan(first, count);
+    const auto sights = std::span(work.sights).subspan(first, count);
+    look_around(views, *views.scene, *views.target, packets, sights, backwards);
+    if (views.inside_scene) look_inside(views, packets, sights, backwards);
   }
 }
 

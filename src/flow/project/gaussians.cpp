@@ -70,7 +70,7 @@ class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::Ra
       return shading::TexelValue{*colour, request_.has_alpha ? 4U : 3U, request_.linear,
                                  request_.has_alpha};
     };
-    blend_blocks(work, work.state.packets, value_of);
+    blend_blocks(work, work.state.packets, 0, value_of);
   }
 
  private:

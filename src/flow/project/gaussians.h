@@ -21,6 +21,7 @@ struct GaussianProjection {
   const projection::SplatKernels* kernels = nullptr;
   float smallest_edge = 0;  ///< see TargetBlock
 
+  static bool looks_in_turn() { return false; }
   static std::uint64_t beside_bytes(std::uint64_t) { return 0; }
   static std::uint64_t lookup_bytes() { return 0; }
   static std::uint64_t packet_bytes(std::uint64_t packets) {

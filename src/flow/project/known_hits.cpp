@@ -84,7 +84,7 @@ class KnownMethod {
   }
   static std::uint64_t least_batch_bytes() { return 0; }
 
-  std::uint64_t state_bytes(const store::BlockEntry& entry) const {
+  BlockCost state_cost(const store::BlockEntry& entry) const {
     return known_state_bytes(entry.texels, shading_.result_texel_bytes());
   }
 

@@ -112,7 +112,7 @@ class SurfaceMethod {
            grid::PatchGrid::most_bytes(0) + 3 * std::uint64_t{d.largest_chunk_bytes};
   }
 
-  std::uint64_t state_bytes(const store::BlockEntry& entry) const {
+  BlockCost state_cost(const store::BlockEntry& entry) const {
     return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_, with_points_) +
            (keeper_ != nullptr ? HitKeeper::block_bytes(entry) : 0);
   }
@@ -263,7 +263,7 @@ std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t mo
                                   std::uint32_t largest_chunk_bytes,
                                   std::uint64_t result_texel_bytes, std::uint64_t lookup_bytes,
                                   bool with_shape) {
-  // What fixed_bytes(), least_batch_bytes() and state_bytes() give for the worst block, from bounds
+  // What fixed_bytes(), least_batch_bytes() and state_cost() give for the worst block, from bounds
   // that planning has before any store exists. A change there belongs here, too. Left out are the
   // grid of an empty batch, a page, and hits: these are kept only where the budget is much larger
   // (may_keep_hits()).

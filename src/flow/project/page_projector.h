@@ -55,7 +55,9 @@ class Projection {
 /// works:
 ///   struct Work                    derives from PieceWork
 ///   PieceSize kPieceSize           larger pieces are not faster
-///   uint64_t fixed_bytes() const, least_batch_bytes() const, state_bytes(const BlockEntry&) const
+///   PieceSize piece_size() const   optional: in place of kPieceSize
+///   uint64_t fixed_bytes() const, least_batch_bytes() const,
+///   BlockCost state_cost(const BlockEntry&) const
 ///                                  of a piece: what it needs in any case, for the smallest batch
 ///                                  of source blocks, for the texels of one target block
 ///   void begin(Work&)              reads the piece's texels
@@ -73,9 +75,11 @@ class PageProjector final : public Projection {
       : job_(job), target_(target), method_(std::move(method)) {}
 
   PageResult project(ResultCollector& results) override {
+    PieceSize most = Method::kPieceSize;
+    if constexpr (requires { method_.piece_size(); }) most = method_.piece_size();
     const CutTarget cut = cut_target(
-        job_, target_, Method::kPieceSize, method_.fixed_bytes(), method_.least_batch_bytes(),
-        [&](const store::BlockEntry& entry) { return method_.state_bytes(entry); },
+        job_, target_, most, method_.fixed_bytes(), method_.least_batch_bytes(),
+        [&](const store::BlockEntry& entry) { return method_.state_cost(entry); },
         [&](const store::BlockEntry& entry) { return results.has(entry); });
     stream(cut, results);
     PageResult result = results.finish();

@@ -13,6 +13,8 @@
 #include "flow/project/pieces.h"
 
 #include <algorithm>
+#include <tuple>
+#include <utility>
 
 #include "mesh/lattice.h"
 
@@ -20,49 +22,64 @@ namespace pounce::flow {
 namespace {
 
 /// Bytes of one piece's share of the budget: as if one more were under way for each thread, so that
-/// blocks can be kept; never more than what the leases leave, or than that of `most`.
+/// blocks can be kept; of wide ones three quarters of what the leases leave, since few blocks are
+/// still there when the next one asks. Never more than the leases leave, or than that of `most`.
 std::uint64_t budget_share(const job::JobContext& job, const PieceSize& most) {
-  const std::uint64_t pieces = (most.per_thread + 1) * std::uint64_t{std::max(job.threads, 1U)};
-  return std::min(
-      {most.largest_share, job.budget.limit() / pieces, job.budget.limit() - job.budget.leased()});
+  const std::uint64_t threads = std::max(job.threads, 1U), limit = job.budget.limit(),
+                      left = limit - job.budget.leased();
+  const std::uint64_t share = most.is_wide ? left / 4 * 3 / (most.per_thread * threads)
+                                           : limit / ((most.per_thread + 1) * threads);
+  return std::min({most.largest_share, share, left});
 }
 
 /// Cuts the target's tiles into pieces whose blocks' state fits `state_share`; `fixed` is what a
 /// piece needs besides.
 PieceList cut_pieces(job::JobContext& job, const store::GeometryStore& target, std::uint64_t fixed,
-                     std::uint64_t state_share, std::uint32_t most_blocks,
-                     const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes,
+                     std::uint64_t state_share, const PieceSize& most,
+                     const std::function<BlockCost(const store::BlockEntry&)>& state_cost,
                      const std::function<bool(const store::BlockEntry&)>& is_made) {
   PieceList list;
-  for (std::uint32_t t = 0; t < target.directory().tiles.size(); ++t) {
-    // A piece never reaches into another tile: it reads one page of the index, and its blocks are
-    // neighbours in space.
-    const auto blocks = target.read_index(t, job.compressor());
-    Piece piece{t, 0, 0};
-    std::uint64_t state = 0;
-    const auto finish = [&] {
-      if (piece.count == 0) return;
+  Piece piece;
+  BlockCost state;  // sums
+  std::uint64_t largest_turn = 0;
+  const auto bytes = [&] { return state.each + std::max(largest_turn, state.in_turn / kTurns); };
+  const auto finish = [&](Piece next) {
+    if (piece.count > 0) {
       list.pieces.push_back(piece);
-      list.costs.push_back(fixed + state);
-    };
+      list.costs.push_back(fixed + bytes());
+    }
+    piece = next;
+    state = {};
+    largest_turn = 0;
+  };
+  for (std::uint32_t t = 0; t < target.directory().tiles.size(); ++t) {
+    // A piece that is not wide never reaches into another tile: it reads one page of the index, and
+    // its blocks are neighbours in space.
+    if (!most.is_wide || piece.count == 0) finish({t, 0, 0});
+    const auto blocks = target.read_index(t, job.compressor());
     for (std::uint32_t b = 0; b < blocks.size(); ++b) {
       if (is_made(blocks[b])) {  // a gap: a piece's blocks are one run of the index
-        finish();
-        piece = {t, b + 1, 0};
-        state = 0;
+        finish({t, b + 1, 0});
         continue;
       }
-      const std::uint64_t more = state_bytes(blocks[b]);
-      if (piece.count > 0 && (piece.count == most_blocks || state + more > state_share)) {
-        finish();
-        piece = {t, b, 0};
-        state = 0;
+      const BlockCost own = state_cost(blocks[b]);
+      const auto add = [&] {
+        state = {state.each + own.each, state.in_turn + own.in_turn};
+        largest_turn = std::max(largest_turn, own.in_turn);
+        return bytes();
+      };
+      const auto before = std::pair(state, largest_turn);
+      if (add() > state_share || piece.count == most.most_blocks) {
+        if (piece.count > 0) {
+          std::tie(state, largest_turn) = before;
+          finish({t, b, 0});
+          add();
+        }
       }
       ++piece.count;
-      state += more;
     }
-    finish();
   }
+  finish({});
   return list;
 }
 
@@ -70,7 +87,7 @@ PieceList cut_pieces(job::JobContext& job, const store::GeometryStore& target, s
 
 CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
                      const PieceSize& most, std::uint64_t fixed, std::uint64_t least_batch,
-                     const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes,
+                     const std::function<BlockCost(const store::BlockEntry&)>& state_cost,
                      const std::function<bool(const store::BlockEntry&)>& is_made) {
   CutTarget cut;
   const std::uint64_t share = budget_share(job, most);
@@ -79,12 +96,12 @@ CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
   // when its texels are known (docs/decisions/046-splat-leases.md), so it is no part of its cost.
   cut.more_bytes = most.settles ? cut.batch_bytes - least_batch : 0;
   cut.share_bytes = share;
-  const std::uint64_t taken = fixed + cut.batch_bytes;
+  const std::uint64_t taken = fixed + (most.is_wide ? least_batch : cut.batch_bytes);
   std::uint64_t blocks = 0;
   for (const store::TileEntry& tile : target.directory().tiles) blocks += tile.blocks;
   cut.index = runtime::Lease(job.budget, PieceList::most_bytes(blocks), "the index of the target");
-  cut.pieces = cut_pieces(job, target, taken - cut.more_bytes, share > taken ? share - taken : 0,
-                          most.most_blocks, state_bytes, is_made);
+  cut.pieces = cut_pieces(job, target, fixed + cut.batch_bytes - cut.more_bytes,
+                          share > taken ? share - taken : 0, most, state_cost, is_made);
   const std::vector<std::uint64_t>& costs = cut.pieces.costs;
   if (!costs.empty()) {
     // Taken and returned at once: it throws where the largest piece does not fit.
@@ -99,9 +116,14 @@ void read_packets(job::JobContext& job, const store::GeometryStore& target, floa
                   PageVector<surface::TexelPacket>& packets,
                   std::vector<surface::PacketGroup>& groups,
                   std::vector<std::vector<surface::TexelAxes>>* axes) {
-  const auto entries = target.read_index(work.piece.tile, job.compressor());
-  const auto first = entries.begin() + work.piece.first;
-  work.blocks.assign(first, first + work.piece.count);
+  work.blocks.clear();
+  std::size_t first = work.piece.first;
+  for (std::uint32_t t = work.piece.tile; work.blocks.size() < work.piece.count; ++t, first = 0) {
+    const auto entries = target.read_index(t, job.compressor());
+    const std::size_t end = std::min(entries.size(), first + work.piece.count - work.blocks.size());
+    work.blocks.insert(work.blocks.end(), entries.begin() + static_cast<std::ptrdiff_t>(first),
+                       entries.begin() + static_cast<std::ptrdiff_t>(end));
+  }
   std::size_t most_packets = 0;
   for (const auto& entry : work.blocks)
     most_packets += surface::TargetBlock::most_packets(entry.texels);

@@ -21,10 +21,20 @@
 
 namespace pounce::flow {
 
-/// Neighbouring blocks of one target tile.
+/// Neighbouring blocks of one target tile; a wide piece goes on into the tiles behind.
 struct Piece {
   std::uint32_t tile = 0, first = 0, count = 0;
 };
+
+/// What a block's texels cost the piece that it is in.
+struct BlockCost {
+  BlockCost(std::uint64_t bytes = 0, std::uint64_t bytes_in_turn = 0)
+      : each(bytes), in_turn(bytes_in_turn) {}
+  std::uint64_t each;     ///< beside the other blocks
+  std::uint64_t in_turn;  ///< while it is its turn: see kTurns
+};
+/// Of the blocks of a piece an eighth have their turn at once, the largest one in any case.
+inline constexpr std::uint64_t kTurns = 8;
 
 /// The pieces of a target and what each costs.
 struct PieceList {
@@ -56,15 +66,18 @@ struct PieceSize {
   bool settles = false;
   /// So many are under way for each thread.
   std::uint32_t per_thread = 3;
+  /// What a piece reads costs the same for few texels as for many: blocks of several tiles are one
+  /// piece, and all of its share but the smallest batch is for them.
+  bool is_wide = false;
 };
 
 /// Shares the budget out, to a piece no more than `most`: beside `fixed`, half of a piece's
 /// share goes to a batch of source blocks (at least `least_batch`), half to its texels' state, of
-/// which a block needs state_bytes(entry). Blocks that are made already are in no piece. Throws
+/// which a block needs state_cost(entry). Blocks that are made already are in no piece. Throws
 /// Error(budget) if the largest piece does not fit.
 CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
                      const PieceSize& most, std::uint64_t fixed, std::uint64_t least_batch,
-                     const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes,
+                     const std::function<BlockCost(const store::BlockEntry&)>& state_cost,
                      const std::function<bool(const store::BlockEntry&)>& is_made);
 
 /// A piece on its way through the graph, and its result. A projection adds its own state. Owned by

@@ -51,9 +51,12 @@ class SplatMethodBase {
   std::uint64_t least_batch_bytes() const {
     return splat_batch_cost(request_.source->store().directory().most_splats, lobes());
   }
-  std::uint64_t state_bytes(const store::BlockEntry& entry) const {
+  BlockCost state_cost(const store::BlockEntry& entry) const {
     const auto most = surface::TargetBlock::most_packets(entry.texels);
-    return block_state_bytes(is_roomy() ? most : count_packets(entry));
+    const std::uint64_t packets = is_roomy() ? most : count_packets(entry);
+    const std::uint64_t looks = request_.packet_bytes(packets) + request_.profile_bytes(packets);
+    const std::uint64_t beside = request_.beside_bytes(packets) + result_bytes();
+    return request_.looks_in_turn() ? BlockCost(beside, looks) : BlockCost(beside + looks);
   }
   /// What projecting one block needs at once, whatever is in it; its packets take
   /// request.packet_bytes(most_packets()) and their profiles.
@@ -104,8 +107,7 @@ class SplatMethodBase {
   /// What a piece that has begun holds whatever its batch is, but for profiles.
   std::uint64_t begun_bytes(const Work& work) const {
     return fixed_bytes() + request_.packet_bytes(work.state.packets.capacity()) +
-           request_.beside_bytes(work.packets) +
-           work.blocks.size() * result_bytes(result_texel_bytes(), channels());
+           request_.beside_bytes(work.packets) + work.blocks.size() * result_bytes();
   }
 
   /// The walk's next blocks become the batch. Returns their bytes.
@@ -150,21 +152,22 @@ class SplatMethodBase {
     work.near.clear();
   }
 
-  /// Of all packets of the piece; value_of(c, packet, lane), of channel c, is an optional
-  /// shading::TexelValue: nothing where nothing was met.
+  /// Of packets of the piece from `first` on, those of whole blocks; value_of(c, packet, lane), of
+  /// channel c, is an optional shading::TexelValue: nothing where nothing was met.
   template <class ValueOf>
-  void blend_blocks(Work& work, std::span<const surface::TexelPacket> packets,
+  void blend_blocks(Work& work, std::span<const surface::TexelPacket> packets, std::size_t first,
                     const ValueOf& value_of) const {
-    work.stored.assign(channels(), std::vector<std::vector<std::byte>>(work.blocks.size()));
-    work.raw_bytes.assign(channels(), 0);
-    work.covered.assign(channels(), 0);
-    work.clipped.assign(channels(), 0);
-    std::size_t p = 0;  // packets are in the order of their blocks
-    for (std::size_t b = 0; b < work.blocks.size(); ++b) {
-      const std::size_t first = p;
-      while (p < packets.size() && packets[p].block == b) ++p;
+    if (work.stored.empty()) {
+      work.stored.assign(channels(), std::vector<std::vector<std::byte>>(work.blocks.size()));
+      work.raw_bytes.assign(channels(), 0);
+      work.covered.assign(channels(), 0);
+      work.clipped.assign(channels(), 0);
+    }
+    while (first < packets.size()) {  // packets are in the order of their blocks
+      const std::size_t begin = first, b = packets[first].block;
+      while (first < packets.size() && packets[first].block == b) ++first;
       for (std::size_t c = 0; c < channels(); ++c)
-        blend_block(work, c, b, packets.subspan(first, p - first), first, value_of);
+        blend_block(work, c, b, packets.subspan(begin, first - begin), begin, value_of);
     }
   }
 
@@ -182,15 +185,15 @@ class SplatMethodBase {
     most -= most % std::max<std::uint64_t>(std::bit_floor(most) / 8, 1);
     return std::max<std::uint64_t>(most, request_.source->store().directory().most_splats);
   }
-  std::uint64_t block_state_bytes(std::uint64_t packets) const {
-    return request_.packet_bytes(packets) + request_.profile_bytes(packets) +
-           request_.beside_bytes(packets) + result_bytes(result_texel_bytes(), channels());
-  }
+  std::uint64_t result_bytes() const { return result_bytes(result_texel_bytes(), channels()); }
   /// Are pieces so small, in themselves and beside the budget, that they may cost what they cost at
   /// most?
   bool is_roomy() const {
     constexpr std::uint64_t kSmall = 24 << 20;
-    const std::uint64_t most = kPieceSize.most_blocks * block_state_bytes(most_packets());
+    const std::uint64_t block = request_.packet_bytes(most_packets()) +
+                                request_.profile_bytes(most_packets()) +
+                                request_.beside_bytes(most_packets()) + result_bytes();
+    const std::uint64_t most = kPieceSize.most_blocks * block;
     return most <= kSmall &&
            most <= job_->budget.limit() / (8 * std::uint64_t{std::max(job_->threads, 1U)});
   }

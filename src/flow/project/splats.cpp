@@ -41,20 +41,38 @@ class SplatMethod : public Base {
     Pass pass = Pass::first_batch;
     std::uint64_t met_bytes = 0;  ///< what all that its texels may meet costs a batch, if known
     bool sifts = false;           ///< blocks
+    std::uint64_t leased = 0;     ///< what the piece got
     AroundWork around;            ///< of a scene that is seen from all around
   };
 
-  SplatMethod(job::JobContext& job, const SplatProjection& request) : Base(job, request) {}
+  /// Blocks of small charts have few texels, from all over the target, and ask most of the views'
+  /// tiles. Where these have to be decoded for each piece, the fewer pieces the better.
+  SplatMethod(job::JobContext& job, const SplatProjection& request) : Base(job, request) {
+    request_.in_turn =
+        request_.views != nullptr && !request_.views->stays_decoded && has_small_charts();
+  }
+
+  PieceSize piece_size() const {
+    PieceSize size = kPieceSize;
+    size.is_wide = request_.in_turn;
+    if (size.is_wide) size.most_blocks = 1024;
+    return size;
+  }
 
   /// All that the texels may meet at once needs no profiles: there is room for more of it.
   std::uint64_t wanted_bytes(Work& work, std::uint64_t most) const {
     const std::uint64_t begun = begun_bytes(work), room = most - begun;
     work.met_bytes = std::max(cost(boxes(work), room), least_batch_bytes());
-    return begun + std::min(room, work.met_bytes);
+    std::uint64_t wanted = work.met_bytes;
+    // Blocks whose turn comes later may meet more, and have profiles.
+    if (turns_follow(work))
+      wanted = std::max(wanted, least_batch_bytes() + most_profile_bytes(work));
+    return begun + std::min(room, wanted);
   }
   void settle(Work& work, std::uint64_t bytes) const {
     // What the piece got may be less than it wanted. Profiles are needed in two passes only, so
     // they are part of the batch's bytes until it is known that there are two.
+    work.leased = bytes;
     work.batch_bytes = bytes - begun_bytes(work);
     work.sifts = work.met_bytes > work.batch_bytes;
     if (work.sifts) work.batch_bytes -= profile_bytes(work);
@@ -65,20 +83,27 @@ class SplatMethod : public Base {
   /// A pass without any Gaussians goes by here: its batch would be empty.
   std::uint64_t fetch(Work& work) const {
     drop_batch(work);
-    while (work.pass != Pass::done) {
-      if (!work.walk->done()) {
-        // A batch that is sifted may come out empty although its walk has ended: nothing of these
-        // blocks is near. Passing it on would make the graph think that there is no more of the
-        // source.
-        const std::uint64_t bytes = work.sifts ? sift(work) : take(work);
-        if (work.pass == Pass::first_batch)
-          work.pass = work.walk->done() ? Pass::whole : Pass::profile;
-        if (!work.sets.empty()) return bytes;
+    for (;;) {
+      while (work.pass != Pass::done) {
+        if (!work.walk->done()) {
+          // A batch that is sifted may come out empty although its walk has ended: nothing of these
+          // blocks is near. Passing it on would make the graph think that there is no more of the
+          // source.
+          const std::uint64_t bytes = work.sifts ? sift(work) : take(work);
+          if (work.pass == Pass::first_batch)
+            work.pass = work.walk->done() ? Pass::whole : Pass::profile;
+          if (!work.sets.empty()) return bytes;
+        }
+        use(work);
+        end_pass(work);
       }
-      use(work);
-      end_pass(work);
+      if (!turns_follow(work)) return 0;
+      blend(work);
+      take_turn(work.around, request_.in_turn, work.state);
+      projection::start(request_.limits, work.state);
+      wanted_bytes(work, work.leased);
+      settle(work, work.leased);
     }
-    return 0;
   }
 
   void hit(Work& work) const {
@@ -88,23 +113,27 @@ class SplatMethod : public Base {
 
   void begin(Work& work) const {
     if (request_.views == nullptr) return Base::begin(work);
-    std::vector<surface::PacketGroup> groups;
     read_packets(*job_, *request_.target, request_.smallest_edge,
-                 surface::TargetBlock::Start::at_texel, work, work.around.packets, groups);
+                 surface::TargetBlock::Start::at_texel, work, work.around.packets,
+                 work.around.groups);
     has_read(work.around.packets, work);
-    look_around(*job_, *request_.views, work.around);
-    work.around.ray =
-        views::leave_unseen(groups, work.around.packets, work.around.sights, work.state);
+    // All of a wide piece asks a tile that is decoded for it. Else it is so many packets whose sums
+    // stay in the processor's cache while all views go past.
+    const std::size_t at_once = request_.in_turn ? work.around.packets.size() : most_packets();
+    look_around(*job_, *request_.views, at_once, work.index % 2 == 1, work.around);
+    take_turn(work.around, request_.in_turn, work.state);
     projection::start(request_.limits, work.state);
   }
 
+  /// Those whose turn it is.
   void blend(Work& work) const {
     // Of the last packet that was asked for: sixteen lanes ask, one after the other.
-    std::size_t of_packet = std::max(work.packets, work.state.packets.size());
+    std::size_t of_packet = std::max(work.around.packets.size(), work.state.packets.size());
     projection::SplatFindings found;
-    const auto blend = [&](std::span<const surface::TexelPacket> packets, const auto& find) {
+    const auto blend = [&](std::span<const surface::TexelPacket> packets, std::size_t first,
+                           const auto& find) {
       blend_blocks(
-          work, packets,
+          work, packets, first,
           [&](std::size_t c, std::size_t p, int lane) -> std::optional<shading::TexelValue> {
             if (p != of_packet) found = find(p);
             of_packet = p;
@@ -117,8 +146,9 @@ class SplatMethod : public Base {
     const auto along_normals = [&](std::size_t p) {
       return projection::findings(request_.limits, work.state, p);
     };
-    if (request_.views == nullptr) return blend(work.state.packets, along_normals);
-    blend(work.around.packets, [&](std::size_t p) {
+    if (request_.views == nullptr) return blend(work.state.packets, 0, along_normals);
+    const auto turn = std::span(work.around.packets).first(work.around.end);
+    blend(turn, work.around.first, [&](std::size_t p) {
       const auto& texels = work.around.packets[p].texel;
       const SceneViews& views = *request_.views;
       projection::SplatFindings seen =
@@ -170,6 +200,17 @@ class SplatMethod : public Base {
     return projection::reachable_boxes(request_.limits, work.state, work.blocks.size());
   }
 
+  bool has_small_charts() const {
+    std::uint64_t blocks = 0;
+    for (const store::TileEntry& tile : request_.target->directory().tiles) blocks += tile.blocks;
+    return request_.target->directory().texels < blocks * store::kTexelsPerBlock / 4;
+  }
+  bool turns_follow(const Work& work) const {
+    return request_.views != nullptr && !work.around.is_last_turn();
+  }
+  std::uint64_t most_profile_bytes(const Work& work) const {
+    return request_.profile_bytes(work.state.packets.capacity());
+  }
   std::uint64_t profile_bytes(const Work& work) const {
     return request_.profile_bytes(work.state.packets.size());
   }

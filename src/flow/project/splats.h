@@ -37,6 +37,7 @@ struct SplatProjection {
   projection::SplatLimits limits;
   const projection::SplatKernels* kernels = nullptr;
   float smallest_edge = 0;  ///< see TargetBlock
+  bool in_turn = false;     ///< see looks_in_turn(); with views alone, which see most texels
   /// The scene from all around: texels that no view sees look along their normals. Null: all do.
   const SceneViews* views = nullptr;
 
@@ -45,6 +46,8 @@ struct SplatProjection {
   std::uint64_t packet_bytes(std::uint64_t packets) const {
     return projection::SplatState::most_bytes(packets, static_cast<std::uint64_t>(limits.rays));
   }
+  /// Texels look along their normals a part of their piece after the other.
+  bool looks_in_turn() const { return in_turn; }
   /// What texels hold beside that, whatever they look for: packets and what they have seen.
   std::uint64_t beside_bytes(std::uint64_t packets) const {
     return views == nullptr ? 0 : around_bytes(packets);
@@ -53,11 +56,10 @@ struct SplatProjection {
   std::uint64_t lookup_bytes() const { return views == nullptr ? 0 : kLookupBytes; }
   static std::uint64_t around_bytes(std::uint64_t packets) {
     return round_to_pages(packets * sizeof(surface::TexelPacket)) +
-           round_to_pages(packets * sizeof(views::SightPacket)) + packets * sizeof(std::uint32_t);
+           round_to_pages(packets * sizeof(views::SightPacket)) +
+           packets * (sizeof(std::uint32_t) + sizeof(views::PlacePacket));
   }
-  static constexpr std::uint64_t kLookupBytes =
-      surface::TargetBlock::most_packets(store::kTexelsPerBlock) * sizeof(views::PlacePacket) +
-      SceneViews::kReadingBytes;
+  static constexpr std::uint64_t kLookupBytes = SceneViews::kReadingBytes;
   std::uint64_t profile_bytes(std::uint64_t packets) const {
     return projection::SplatState::profile_bytes(packets, static_cast<std::uint64_t>(limits.rays));
   }

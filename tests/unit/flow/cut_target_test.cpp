@@ -55,6 +55,24 @@ TEST_CASE("pieces that settle begin with the least batch and may have the rest l
   CHECK(cut.pieces.costs == Costs{150 + 400, 150 + 200, 150 + 500, 150 + 30, 150 + 10});
 }
 
+TEST_CASE("wide pieces go on into the next tile, and count what their blocks need in turn") {
+  SmallJob job(1 << 20);
+  const auto target = small_target(job, kPage, kTiles);
+  PieceSize wide{1000, 100, true};
+  wide.is_wide = true;
+  const auto in_turn = [](const store::BlockEntry& entry) {
+    return BlockCost(entry.texels, entry.texels / 2);
+  };
+  const CutTarget cut = cut_target(job.context, target, wide, 100, 50, in_turn, none_made);
+  // 850 are for blocks: three of 200 and a turn of 100; then all others and a turn of 250.
+  CHECK(pieces_of(cut) == Pieces{{0, 0, 3}, {1, 0, 5}});
+  CHECK(cut.pieces.costs == Costs{150 + 600 + 100, 150 + 540 + 250});
+
+  const auto second = [](const store::BlockEntry& entry) { return entry.texels == 500; };
+  const CutTarget rest = cut_target(job.context, target, wide, 100, 50, in_turn, second);
+  CHECK(pieces_of(rest) == Pieces{{0, 0, 3}, {2, 0, 4}});
+}
+
 TEST_CASE("where the share holds no more than what is fixed, each block is a piece") {
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, kTiles);
