@@ -34,33 +34,45 @@ constexpr std::size_t kMostIdlePages = 1024;     // 4 MiB resident
 constexpr std::size_t kLongRun = 64;             // pages from which a run waits for its like
 constexpr std::size_t kMostWaitingPages = 2048;  // 8 MiB resident
 
+/// A bit per page of a region.
+using PageBits = std::array<std::uint64_t, kRegionPages / 64>;
+
+/// The first page from `page` on whose bit is that; kRegionPages: none. Words at once.
+std::size_t next(const PageBits& bits, bool is_set, std::size_t page) {
+  while (page < kRegionPages) {
+    const std::uint64_t word = (is_set ? bits[page / 64] : ~bits[page / 64]) >> (page % 64);
+    if (word != 0) return page + static_cast<std::size_t>(std::countr_zero(word));
+    page = (page / 64 + 1) * 64;
+  }
+  return kRegionPages;
+}
+
+/// The first run of `count` pages from `page` on whose bits are that, or kRegionPages.
+std::size_t find_run(const PageBits& bits, bool is_set, std::size_t page, std::size_t count) {
+  for (std::size_t first = next(bits, is_set, page); first < kRegionPages;) {
+    const std::size_t end = next(bits, !is_set, first);
+    if (end - first >= count) return first;
+    first = next(bits, is_set, end);
+  }
+  return kRegionPages;
+}
+
 struct Region {
   std::byte* start = nullptr;
-  std::size_t used_pages = 0;
+  std::size_t used_pages = 0, idle_pages = 0;
   std::size_t first_free = 0;  // no free page before this one
-  std::array<std::uint64_t, kRegionPages / 64> used{};
-  std::array<std::uint64_t, kRegionPages / 64> idle{};  // free, but resident
-
-  /// The first page from `page` on that is used, or free; kRegionPages: none. Words at once.
-  std::size_t next(bool is_used, std::size_t page) const {
-    while (page < kRegionPages) {
-      const std::uint64_t word = (is_used ? used[page / 64] : ~used[page / 64]) >> (page % 64);
-      if (word != 0) return page + static_cast<std::size_t>(std::countr_zero(word));
-      page = (page / 64 + 1) * 64;
-    }
-    return kRegionPages;
-  }
+  PageBits used{};
+  PageBits idle{};  // free, but resident
 
   /// First run of `count` free pages, or kRegionPages.
   std::size_t find(std::size_t count) {
     if (kRegionPages - used_pages < count) return kRegionPages;
-    first_free = next(false, first_free);
-    for (std::size_t first = first_free; first < kRegionPages;) {
-      const std::size_t end = next(true, first);
-      if (end - first >= count) return first;
-      first = next(false, end);
-    }
-    return kRegionPages;
+    first_free = next(used, false, first_free);
+    return find_run(used, false, first_free, count);
+  }
+  /// The same of idle ones.
+  std::size_t find_idle(std::size_t count) const {
+    return idle_pages < count ? kRegionPages : find_run(idle, true, first_free, count);
   }
 };
 
@@ -96,6 +108,7 @@ void mark_used(Region& region, std::size_t first, std::size_t count, Pool& p) {
     region.used[page / 64] |= bit;
     if ((region.idle[page / 64] & bit) != 0) {
       region.idle[page / 64] &= ~bit;
+      --region.idle_pages;
       --p.idle_pages;
     }
   }
@@ -115,13 +128,15 @@ void free_run(Pool& p, std::byte* at, std::size_t pages) {
     region.used[page / 64] &= ~bit;
     if (keep) region.idle[page / 64] |= bit;
   }
-  if (keep) p.idle_pages += pages;
+  if (keep) {
+    p.idle_pages += pages;
+    region.idle_pages += pages;
+  }
   if (first < region.first_free) region.first_free = first;
   region.used_pages -= pages;
   // An empty region goes back as a whole, its idle pages with it.
   if (region.used_pages != 0) return;
-  for (const std::uint64_t word : region.idle)
-    p.idle_pages -= static_cast<std::size_t>(std::popcount(word));
+  p.idle_pages -= region.idle_pages;
   munmap(region.start, kRegionPages * kPageBytes);
   p.regions.erase(found);
 }
@@ -155,6 +170,14 @@ void* PagePool::allocate(std::size_t bytes) {
     p.waiting_pages -= pages;
     p.waiting.erase(std::next(run).base());
     return at;
+  }
+  // What is idle first: else idle pages would pile up behind others that have to be faulted in.
+  for (auto& [start, region] : p.regions) {
+    if (p.idle_pages < pages) break;
+    const std::size_t first = region->find_idle(pages);
+    if (first == kRegionPages) continue;
+    mark_used(*region, first, pages, p);
+    return start + first * kPageBytes;
   }
   // In order of address: low regions fill up, high ones empty and go back to the system.
   for (auto& [start, region] : p.regions) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/page_pool.h"
 
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -110,6 +111,35 @@ TEST_CASE("what is released goes back to the system, all but a few MiB") {
     }
     CHECK(resident_bytes() <= before + kSlack);
   }
+}
+
+TEST_CASE("what is resident is used again before what would be faulted in") {
+  // Released from the last one on: the first of them, which lie lowest, go back to the system.
+  constexpr std::size_t kBytes = 3 * kPageBytes, kCount = 2000, kKept = 300;
+  const auto buffers = [&](std::size_t count) {
+    std::vector<Buffer> out(count, {nullptr, kBytes, 1});
+    for (Buffer& buffer : out) {
+      buffer.at = static_cast<std::uint64_t*>(PagePool::instance().allocate(kBytes));
+      fill(buffer);
+    }
+    return out;
+  };
+  const auto release = [](std::vector<Buffer>& from, std::size_t left) {
+    for (; from.size() > left; from.pop_back())
+      PagePool::instance().release(from.back().at, from.back().bytes);
+  };
+  std::vector<Buffer> many = buffers(kCount);
+  release(many, 1);  // so that its region stays
+  const auto faults = [] {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return usage.ru_minflt;
+  };
+  const auto before = faults();
+  std::vector<Buffer> again = buffers(kKept);
+  CHECK(faults() - before < 100);  // of 900 pages
+  release(again, 0);
+  release(many, 0);
 }
 
 TEST_CASE("a page vector grows, shrinks and moves like any vector") {

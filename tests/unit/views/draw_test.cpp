@@ -408,9 +408,9 @@ TEST_CASE("kernels see harmonics at the same bits, of any half float", "[views]"
   block.lobes = 3;
   block.sh.resize(9 * scene.size());
   const std::vector<float> basis{1.25F, 0, 0};
-  for (std::uint32_t half = 0; half < 0x10000; half += 37) {
+  for (std::uint32_t bits = 0; bits < 0x10000; bits += 37) {
     for (std::uint32_t i = 0; i < 37; ++i) {
-      const auto own = static_cast<std::uint16_t>(half + i);
+      const auto own = static_cast<std::uint16_t>(bits + i);
       block.sh[i] = (own & 0x7C00U) == 0x7C00U ? 0 : own;  // infinite ones are never stored
     }
     const auto set = gaussian::make_splat_columns(block);
