@@ -171,7 +171,7 @@ void orient(Mesh& mesh, const Axes& axes);
 
 /// Triangles whose corners lie, in the same order around, exactly where those of one before them in
 /// the file do, with other UVs or another material: nothing of them is ever seen. Needs two bytes
-/// for each triangle.
+/// for each triangle; up to 24 where most of them coincide.
 std::uint64_t count_coincident(const Mesh& mesh);
 
 // --- what takes part -----------------------------------------------------------------------------

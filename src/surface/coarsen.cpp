@@ -73,6 +73,7 @@ struct Reach {
     bool lies_in(int begin, int limit) const { return first >= begin && end() <= limit; }
 
    private:
+    static_assert(kEdge + 1 <= INT8_MAX);
     static std::int8_t texel(double at) {
       return static_cast<std::int8_t>(std::clamp(std::floor(at), -1.0, kEdge + 1.0));
     }

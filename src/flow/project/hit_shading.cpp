@@ -36,9 +36,29 @@ shading::TexelFormat read_format(const ChannelOutput& channel) {
   return format;
 }
 
-/// Each channel in one group; those that look nothing up alone.
+/// The largest decoded tile of a channel's images.
+std::uint64_t most_tile_bytes(const ChannelOutput& channel) {
+  std::uint64_t most = 0;
+  for (const PageColour& page : channel.pages) most = std::max(most, tile_bytes(page));
+  return most;
+}
+
+/// How many channels may keep tiles at hand: more than one only where the budget hardly feels it,
+/// so that a job needs no more memory at least.
+std::size_t most_together(const job::JobContext& job, const std::vector<ChannelOutput>& channels) {
+  constexpr std::uint64_t kShare = 16;  // of a thread's
+  const std::uint64_t room = job.budget.limit() / (kShare * std::max(job.threads, 1U));
+  std::uint64_t largest = 0;
+  for (const ChannelOutput& channel : channels)
+    largest = std::max(largest, most_tile_bytes(channel));
+  std::size_t most = LookupGroup::kMost;
+  while (most > 1 && shading_bytes(largest, most) > room) --most;
+  return most;
+}
+
+/// Each channel in one group, of `most` at most; those that look nothing up alone.
 std::vector<LookupGroup> group_channels(const std::vector<ChannelOutput>& channels,
-                                        const Lookup& lookup) {
+                                        const Lookup& lookup, std::size_t most) {
   std::vector<LookupGroup> out;
   for (std::size_t c = 0; c < channels.size(); ++c) {
     const ChannelOutput& channel = channels[c];
@@ -48,7 +68,7 @@ std::vector<LookupGroup> group_channels(const std::vector<ChannelOutput>& channe
       continue;
     }
     const bool joined = std::any_of(out.begin(), out.end(), [&](LookupGroup& group) {
-      return is_looked_up(channels[group.channels[0].channel]) && group.add(added, lookup);
+      return is_looked_up(channels[group.channels[0].channel]) && group.add(added, lookup, most);
     });
     if (!joined) out.emplace_back().add(added, lookup);
   }
@@ -306,8 +326,7 @@ bool needs_surface(const ChannelOutput& channel) { return channel.shape || is_ti
 bool needs_points(const ChannelOutput& channel) { return channel.is_map || needs_surface(channel); }
 
 std::uint64_t shading_bytes(std::uint64_t colour_tile_bytes, std::size_t channels) {
-  const std::size_t together = std::clamp<std::size_t>(channels, 1, LookupGroup::kMost);
-  return colour_tile_bytes * (together * ColourWindow::kTiles + 2) +
+  return colour_tile_bytes * (channels * ColourWindow::kTiles + 2) +
          ColourLevels::making_bytes(colour_tile_bytes);
 }
 
@@ -317,7 +336,7 @@ HitShading::HitShading(job::JobContext& job, const store::GeometryStore& target,
       target_(&target),
       channels_(std::move(channels)),
       lookup_(lookup),
-      groups_(group_channels(channels_, lookup_)) {}
+      groups_(group_channels(channels_, lookup_, most_together(job, channels_))) {}
 
 std::uint64_t HitShading::result_texel_bytes() const {
   std::uint64_t bytes = 0;
@@ -326,13 +345,14 @@ std::uint64_t HitShading::result_texel_bytes() const {
 }
 
 std::uint64_t HitShading::lookup_bytes() const {
-  std::uint64_t largest = 0;
-  for (const ChannelOutput& channel : channels_) {
-    for (const PageColour& page : channel.pages) largest = std::max(largest, tile_bytes(page));
+  std::uint64_t most = 0;
+  for (const LookupGroup& group : groups_) {
+    std::uint64_t largest = 0;
+    for (const LookedUpChannel& member : group.channels)
+      largest = std::max(largest, most_tile_bytes(channels_[member.channel]));
+    most = std::max(most, shading_bytes(largest, group.channels.size()));
   }
-  std::size_t together = 0;
-  for (const LookupGroup& group : groups_) together = std::max(together, group.channels.size());
-  return shading_bytes(largest, together);
+  return most;
 }
 
 void HitShading::shade(HitWork& work) const {

@@ -38,9 +38,9 @@ struct HitWork : PieceWork {
 bool needs_surface(const ChannelOutput& channel);
 /// Does it ask where on the surface hits are? The same, or a map of them.
 bool needs_points(const ChannelOutput& channel);
-/// What shading asks for: the tiles that it keeps and one on its way, or the making of a level. Of
-/// a pass of so many channels whose tiles have at most so many bytes.
-std::uint64_t shading_bytes(std::uint64_t colour_tile_bytes, std::size_t channels);
+/// What shading so many channels together asks for: the tiles that it keeps and one on its way, or
+/// the making of a level.
+std::uint64_t shading_bytes(std::uint64_t colour_tile_bytes, std::size_t channels = 1);
 
 /// Makes texels of hits. Const members are thread-safe for different works.
 class HitShading {
@@ -58,7 +58,7 @@ class HitShading {
 
   const std::vector<ChannelOutput>& channels() const { return channels_; }
   std::uint64_t result_texel_bytes() const;  ///< of all channels together
-  std::uint64_t lookup_bytes() const;        ///< shading_bytes() of the largest tile
+  std::uint64_t lookup_bytes() const;        ///< shading_bytes() of what asks for most
   /// Fills the work's results: every channel of every block.
   void shade(HitWork& work) const;
 

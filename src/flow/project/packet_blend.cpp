@@ -66,8 +66,8 @@ bool are_alike(const PageColour& a, const PageColour& b) {
 
 }  // namespace
 
-bool LookupGroup::add(const LookedUpChannel& channel, const Lookup& lookup) {
-  if (channels.size() == kMost) return false;
+bool LookupGroup::add(const LookedUpChannel& channel, const Lookup& lookup, std::size_t most) {
+  if (channels.size() == most) return false;
   std::vector<Page> with = pages;
   with.resize(channel.pages->size());
   for (std::size_t p = 0; p < with.size(); ++p) {

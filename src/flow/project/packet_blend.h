@@ -60,7 +60,7 @@ struct LookedUpChannel {
 
 /// Channels that are looked up together.
 struct LookupGroup {
-  /// Each keeps tiles of its own at hand.
+  /// Each keeps tiles of its own at hand: more than these gain little.
   static constexpr std::size_t kMost = 4;
 
   /// What its channels have on a source page.
@@ -71,9 +71,9 @@ struct LookupGroup {
   std::vector<LookedUpChannel> channels;
   std::vector<Page> pages;
 
-  /// Adds a channel if there is room, and if on every page it has no image or such as the others
+  /// Adds a channel unless there are `most`, if on every page it has no image or such as the others
   /// have there: of their size, wrap modes and kind of samples.
-  bool add(const LookedUpChannel& channel, const Lookup& lookup);
+  bool add(const LookedUpChannel& channel, const Lookup& lookup, std::size_t most = kMost);
 };
 
 /// Blends packets, one after the other, for a group's channels, counted as there. One per thread.

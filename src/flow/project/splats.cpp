@@ -23,6 +23,7 @@
 
 #include "flow/project/around.h"
 #include "flow/project/splat_method.h"
+#include "pounce/error.h"
 #include "projection/search.h"
 
 namespace pounce::flow {
@@ -61,12 +62,14 @@ class SplatMethod : public Base {
 
   /// All that the texels may meet at once needs no profiles: there is room for more of it.
   std::uint64_t wanted_bytes(Work& work, std::uint64_t most) const {
-    const std::uint64_t begun = begun_bytes(work), room = most - begun;
-    work.met_bytes = std::max(cost(boxes(work), room), least_batch_bytes());
+    const std::uint64_t begun = begun_bytes(work), least = least_batch_bytes();
+    if (begun > most)
+      throw Error(ErrorKind::internal, "texels need more than their piece's lease (please report)");
+    const std::uint64_t room = most - begun;
+    work.met_bytes = std::max(cost(boxes(work), room), least);
     std::uint64_t wanted = work.met_bytes;
     // Blocks whose turn comes later may meet more, and have profiles.
-    if (turns_follow(work))
-      wanted = std::max(wanted, least_batch_bytes() + most_profile_bytes(work));
+    if (turns_follow(work)) wanted = std::max(wanted, least + most_profile_bytes(work));
     return begun + std::min(room, wanted);
   }
   void settle(Work& work, std::uint64_t bytes) const {

@@ -57,7 +57,8 @@ struct SplatProjection {
   static std::uint64_t around_bytes(std::uint64_t packets) {
     return round_to_pages(packets * sizeof(surface::TexelPacket)) +
            round_to_pages(packets * sizeof(views::SightPacket)) +
-           packets * (sizeof(std::uint32_t) + sizeof(views::PlacePacket));
+           packets *
+               (sizeof(std::uint32_t) + sizeof(views::PlacePacket) + sizeof(surface::PacketGroup));
   }
   static constexpr std::uint64_t kLookupBytes = SceneViews::kReadingBytes;
   std::uint64_t profile_bytes(std::uint64_t packets) const {

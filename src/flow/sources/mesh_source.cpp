@@ -148,8 +148,7 @@ std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
   return flow::project_least_bytes(
       p.shape.most_triangles, p.shape.most_patches,
       static_cast<std::uint32_t>(p.shape.most_triangles * triangle + kChunk),
-      result_texel_bytes(pass), shading_bytes(colour_tile_bytes(plan_), p.channels.size()),
-      p.has_shape || p.has_map);
+      result_texel_bytes(pass), shading_bytes(colour_tile_bytes(plan_)), p.has_shape || p.has_map);
 }
 
 void SurfaceSource::build(ProgressRange range, const planning::TargetDetail& targets) {

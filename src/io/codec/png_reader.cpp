@@ -24,8 +24,6 @@
 namespace pounce::io {
 namespace {
 
-constexpr std::size_t kReadBytes = 64 << 10;  // of the file, at once
-
 /// What libpng's callbacks see.
 struct PngContext {
   ByteSource* bytes = nullptr;
@@ -103,7 +101,6 @@ void PngDecoder::set_up() {
     // Every byte of a chunk is checked by its CRC already. The sum over what is inflated took a
     // fifth of a job with very many images.
     png_set_option(png_, PNG_IGNORE_ADLER32, PNG_OPTION_ON);
-    png_set_compression_buffer_size(png_, kReadBytes);
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_ALWAYS, kColours.data(), 5);
     png_read_info(png_, png_info_);
