@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A first-fit allocator of pages inside 16 MiB regions, with a bitmap per region.
+// An allocator of pages inside 16 MiB regions, with bitmaps per region: the first run of resident
+// pages that fits, else the first of any.
 //
 // Buffers are 1 page to a few hundred; larger ones get a mapping of their own. Regions keep the
 // number of mappings small (the kernel allows 65,530). Freed pages stay resident for the next
