@@ -5,9 +5,9 @@
 // stores (docs/decisions/008), so the conversion comes last, and what comes after this only moves
 // bytes.
 //
-// Result blocks then wait in a scratch pack until their row of the image is due. They are stored as
-// differences of neighbouring texels in planes of bytes, which a fast compression level shrinks
-// well.
+// Result blocks then wait in a scratch pack until their row of the image is due: as they are where
+// the job has room for that, else as differences of neighbouring texels in planes of bytes, which a
+// fast compression level shrinks well.
 #include "shading/result_block.h"
 
 #include <algorithm>
@@ -163,22 +163,38 @@ std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
   return clipped;
 }
 
-void encode(const ResultBlock& block, const TexelFormat& format, std::vector<std::byte>& raw) {
+std::uint32_t encode(const ResultBlock& block, const TexelFormat& format,
+                     store::Compressor& compressor, store::PlainRoom* room,
+                     std::vector<std::byte>& stored) {
+  std::vector<std::byte> raw;
+  raw.reserve(kMaskBytes + block.texels.size());
+  const auto mask = std::as_bytes(std::span(block.mask));
+  raw.insert(raw.end(), mask.begin(), mask.end());
+  raw.insert(raw.end(), block.texels.begin(), block.texels.end());
+  const auto size = static_cast<std::uint32_t>(raw.size());
+  if (store::Compressor::keep_as_is(raw, stored, room)) return size;
   std::vector<std::byte> differences(block.texels.begin(), block.texels.end());
   store::delta(differences, store::depth_bytes(format.depth), format.channels);
-  raw.resize(kMaskBytes + differences.size());
-  std::memcpy(raw.data(), block.mask.data(), kMaskBytes);
   store::shuffle(differences, format.texel_bytes(), std::span(raw).subspan(kMaskBytes));
+  compressor.compress(raw, stored, store::kFastLevel);
+  return size;
 }
 
-void decode_result(std::span<const std::byte> raw, const TexelFormat& format,
-                   const std::string& name, ResultBlock& block) {
+void decode(std::span<const std::byte> stored, std::uint32_t size_bytes, const TexelFormat& format,
+            store::Compressor& compressor, const std::string& name, ResultBlock& block) {
   const std::size_t size = 64 * 64 * format.texel_bytes();
-  if (raw.size() != kMaskBytes + size)
+  if (size_bytes != kMaskBytes + size)
     throw Error(ErrorKind::damaged_store, name + ": a result of another size");
+  std::vector<std::byte> raw(size_bytes);
+  compressor.decompress(stored, raw);
+  const auto samples = std::span(raw).subspan(kMaskBytes);
   std::memcpy(block.mask.data(), raw.data(), kMaskBytes);
   block.texels.resize(size);
-  store::unshuffle(raw.subspan(kMaskBytes), format.texel_bytes(), block.texels);
+  if (store::is_as_is(stored)) {
+    std::memcpy(block.texels.data(), samples.data(), size);
+    return;
+  }
+  store::unshuffle(samples, format.texel_bytes(), block.texels);
   store::undelta(block.texels, store::depth_bytes(format.depth), format.channels);
 }
 

@@ -12,6 +12,7 @@
 #include "core/page_pool.h"
 #include "pounce/options.h"
 #include "store/blocks/colour_store.h"
+#include "store/pack/codec.h"
 
 namespace pounce::shading {
 
@@ -77,9 +78,13 @@ struct ResultBlock {
   }
 };
 
-/// Serialises a result for compression, and back. decode throws Error(damaged_store).
-void encode(const ResultBlock& block, const TexelFormat& format, std::vector<std::byte>& raw);
-void decode_result(std::span<const std::byte> raw, const TexelFormat& format,
-                   const std::string& name, ResultBlock& block);
+/// Replaces `stored` by what a pack holds of a result: filtered and compressed, or as it is where
+/// there is `room` for that. Returns how many bytes it is before compression.
+std::uint32_t encode(const ResultBlock& block, const TexelFormat& format,
+                     store::Compressor& compressor, store::PlainRoom* room,
+                     std::vector<std::byte>& stored);
+/// The inverse, of `size_bytes` before compression. Throws Error(damaged_store).
+void decode(std::span<const std::byte> stored, std::uint32_t size_bytes, const TexelFormat& format,
+            store::Compressor& compressor, const std::string& name, ResultBlock& block);
 
 }  // namespace pounce::shading

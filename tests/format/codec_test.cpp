@@ -21,6 +21,7 @@ TEST_CASE("what was compressed comes back, at every size and with one reused con
   for (const std::size_t size : {0u, 1u, 2u, 100u, 4096u, 131'072u, 131'073u, 3'000'000u}) {
     const auto raw = random_bytes(size, static_cast<std::uint32_t>(size));
     compressor.compress(raw, stored);
+    CHECK(!is_as_is(stored));
     std::vector<std::byte> back(size, std::byte{0xee});
     compressor.decompress(stored, back);
     CAPTURE(size);
@@ -55,11 +56,32 @@ TEST_CASE("a frame is not compressed where there is room, and is a frame like ot
   CHECK(stored == compressed);  // too little was left
   CHECK(room == 2);
 
+  // The same of bytes that have passed no filter: the size is in eight bytes.
+  CHECK(!is_as_is(stored));
+  CHECK(!Compressor::keep_as_is(raw, stored, nullptr));
+  CHECK(!Compressor::keep_as_is(raw, stored, &room));
+  CHECK(stored == compressed);
+  CHECK(room == 2);
+  room = 3;
+  CHECK(Compressor::keep_as_is(raw, stored, &room));
+  CHECK(room == 0);
+  CHECK(is_as_is(stored));
+  const unsigned char as_is[] = {0x28, 0xB5, 0x2F, 0xFD, 0xE0, 3, 0, 0, 0, 0,
+                                 0,    0,    0,    0x19, 0,    0, 7, 8, 9};
+  REQUIRE(stored.size() == sizeof as_is);
+  CHECK(std::memcmp(stored.data(), as_is, sizeof as_is) == 0);
+  CHECK(!is_as_is(std::span(stored).first(4)));
+
+  const bool filtered = GENERATE(true, false);
   for (const std::size_t size : {0u, 1u, 131'072u, 131'073u, 262'144u, 3'000'000u}) {
     const auto bytes = random_bytes(size, static_cast<std::uint32_t>(size));
     room = size;
-    compressor.compress(bytes, stored, kFastLevel, &room);
+    if (filtered)
+      compressor.compress(bytes, stored, kFastLevel, &room);
+    else
+      CHECK(Compressor::keep_as_is(bytes, stored, &room));
     CHECK(room == 0);
+    CHECK(is_as_is(stored) == !filtered);
     CHECK(stored.size() >= size + 12);
     CHECK(stored.size() <= ZSTD_compressBound(size));
     std::vector<std::byte> back(size, std::byte{0xee});

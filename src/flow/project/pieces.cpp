@@ -140,10 +140,8 @@ void read_packets(job::JobContext& job, const store::GeometryStore& target, floa
 void finish_block(job::JobContext& job, const shading::TexelFormat& format,
                   const shading::ResultBlock& result, std::size_t c, std::size_t b,
                   PieceWork& work) {
-  std::vector<std::byte> raw;
-  shading::encode(result, format, raw);
-  work.raw_bytes[c] = static_cast<std::uint32_t>(raw.size());
-  job.compressor().compress(raw, work.stored[c][b], store::kFastLevel, job.scratch_room());
+  work.raw_bytes[c] =
+      shading::encode(result, format, job.compressor(), job.scratch_room(), work.stored[c][b]);
 }
 
 }  // namespace pounce::flow

@@ -126,7 +126,7 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
         image.tiles_y());
     std::vector<std::byte> tile(std::size_t{store::kColourTileEdge} * store::kColourTileEdge *
                                 image.texel_bytes());
-    std::vector<std::byte> raw, stored;
+    std::vector<std::byte> stored;
     for (std::uint32_t y = 0; y < image.tiles_y(); ++y) {
       const shading::LevelAxis rows(y, source.height, image.wrap_v);
       for (std::uint32_t x = 0; x < image.tiles_x(); ++x) {
@@ -140,8 +140,8 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
             shading::fill_level_tile(image, *before.block((*index)[tile_x]), tile_x, tile_y,
                                      columns, rows, tile);
         }
-        store::filter_colours(image, tile, raw);
-        job_.compressor().compress(raw, stored, store::kZstdLevel, job_.stores_room());
+        store::encode_tile(image, tile, job_.compressor(), store::kZstdLevel, job_.stores_room(),
+                           stored);
         writer.add_tile(stored, static_cast<std::uint32_t>(tile.size()));
       }
       writer.end_row(y, job_.compressor());

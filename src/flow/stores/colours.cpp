@@ -309,9 +309,8 @@ class ColumnBuilder {
           std::memcpy(to + static_cast<std::size_t>(i) * texel, rows[r] + x * texel, texel);
         }
       }
-      std::vector<std::byte> raw;
-      store::filter_colours(image_, tile, raw);
-      job_.compressor().compress(raw, out.tiles[tx], store::kZstdLevel, job_.stores_room());
+      store::encode_tile(image_, tile, job_.compressor(), store::kZstdLevel, job_.stores_room(),
+                         out.tiles[tx]);
     });
     return out;
   }

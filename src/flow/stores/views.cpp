@@ -41,9 +41,7 @@ constexpr std::uint64_t encoding_bytes(std::uint32_t samples) {
 void encode(job::JobContext& job, const store::ColourDirectory& image,
             std::span<const std::byte> tile, store::PlainRoom* room,
             std::vector<std::byte>& stored) {
-  std::vector<std::byte> raw;
-  store::filter_colours(image, tile, raw);
-  job.compressor().compress(raw, stored, store::kFastLevel, room);
+  store::encode_tile(image, tile, job.compressor(), store::kFastLevel, room, stored);
   stored.shrink_to_fit();
 }
 

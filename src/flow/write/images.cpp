@@ -263,10 +263,10 @@ class ImageAssembler {
   }
 
   shading::ResultBlock read_block(const store::ChunkRef& chunk) {
-    const auto raw = store::read_payload(results_, chunk, store::ChunkKind::block,
-                                         store::kLargestChunkBytes, job_.compressor());
+    std::vector<std::byte> stored;
+    results_.read(chunk, store::ChunkKind::block, stored);
     shading::ResultBlock block;
-    shading::decode_result(raw, format_, "results", block);
+    shading::decode(stored, chunk.raw_bytes, format_, job_.compressor(), results_.name(), block);
     return block;
   }
 

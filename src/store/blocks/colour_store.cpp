@@ -126,6 +126,15 @@ void unfilter_colours(const ColourDirectory& image, std::span<const std::byte> r
   undelta(tile, depth_bytes(image.depth), image.channels);
 }
 
+void encode_tile(const ColourDirectory& image, std::span<const std::byte> tile,
+                 Compressor& compressor, int level, PlainRoom* room,
+                 std::vector<std::byte>& stored) {
+  if (Compressor::keep_as_is(tile, stored, room)) return;
+  std::vector<std::byte> raw;
+  filter_colours(image, tile, raw);
+  compressor.compress(raw, stored, level);
+}
+
 ColourStoreWriter::ColourStoreWriter(std::unique_ptr<PackWriter> pack, std::uint32_t tile_rows)
     : pack_(std::move(pack)), row_pages_(tile_rows) {}
 
@@ -190,9 +199,16 @@ ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor)
   // Also of a tile that was left out: who asks for it was wrong about what its texels need.
   if (chunk.raw_bytes != size)
     throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile has the wrong size");
-  const auto raw = read_payload(*pack_, chunk, ChunkKind::block, size, compressor);
+  std::vector<std::byte> stored;
+  pack_->read(chunk, ChunkKind::block, stored);
   ColourTile tile(size);
-  unfilter_colours(directory_, raw, tile);
+  if (is_as_is(stored)) {
+    compressor.decompress(stored, tile);
+  } else {
+    std::vector<std::byte> raw(size);
+    compressor.decompress(stored, raw);
+    unfilter_colours(directory_, raw, tile);
+  }
   if (!are_finite(directory_, tile))
     throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile has non-finite samples");
   return tile;

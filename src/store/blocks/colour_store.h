@@ -57,6 +57,11 @@ void filter_colours(const ColourDirectory& image, std::span<const std::byte> til
                     std::vector<std::byte>& raw);
 void unfilter_colours(const ColourDirectory& image, std::span<const std::byte> raw,
                       std::span<std::byte> tile);
+/// Replaces `stored` by what a pack holds of a tile: filtered and compressed, or as it is where
+/// there is `room` for that.
+void encode_tile(const ColourDirectory& image, std::span<const std::byte> tile,
+                 Compressor& compressor, int level, PlainRoom* room,
+                 std::vector<std::byte>& stored);
 
 /// Writes the tiles of one image, or some of them. Rows of tiles may come in any order.
 class ColourStoreWriter {

@@ -16,7 +16,9 @@
 //
 // Scratch data of small jobs never reaches a disk: compressing it would cost more than all else
 // that a store does. It goes into frames of blocks as they are (RFC 8878, 3.1.1), which zstd
-// unpacks like any other.
+// unpacks like any other. There filters help nobody: what would pass them need not, and then its
+// frame states its size in eight bytes. zstd itself takes as few as the size needs, so no other
+// frame does.
 #include "store/pack/codec.h"
 
 #include <fmt/format.h>
@@ -220,30 +222,33 @@ bool take(PlainRoom& room, std::uint64_t bytes) {
 }
 
 template <std::size_t bytes>
-std::byte* put(std::byte* to, std::uint32_t value) {
-  std::memcpy(to, &value, bytes);
-  return to + bytes;
+void put(std::uint64_t value, std::vector<std::byte>& to) {
+  const auto* const from = reinterpret_cast<const std::byte*>(&value);
+  to.insert(to.end(), from, from + bytes);
 }
 
+// The fifth byte of a frame: one segment, and how many bytes state its size.
+constexpr std::byte kSizeIn4Bytes{0xA0}, kSizeIn8Bytes{0xE0};
+
 /// A frame of the bytes as they are: a header that states their number, blocks with a header each.
-void make_plain_frame(std::span<const std::byte> raw, std::vector<std::byte>& stored) {
-  constexpr std::uint32_t kMagic = 0xFD2FB528;
-  constexpr std::uint32_t kOneSegmentSizeIn4Bytes = 0xA0, kLastBlock = 1;
+template <class Size>
+void make_plain_frame(std::span<const std::byte> raw, std::byte descriptor,
+                      std::vector<std::byte>& stored) {
+  constexpr std::uint32_t kMagic = 0xFD2FB528, kLastBlock = 1;
   constexpr std::size_t kMostInBlock = std::size_t{1} << kWindowLog;
-  constexpr std::size_t kFrameHeader = 9, kBlockHeader = 3;
+  constexpr std::size_t kFrameHeader = 5 + sizeof(Size), kBlockHeader = 3;
   const std::size_t blocks =
       std::max<std::size_t>((raw.size() + kMostInBlock - 1) / kMostInBlock, 1);
-  stored.resize(kFrameHeader + blocks * kBlockHeader + raw.size());
-  std::byte* to = put<4>(stored.data(), kMagic);
-  to = put<1>(to, kOneSegmentSizeIn4Bytes);
-  to = put<4>(to, static_cast<std::uint32_t>(raw.size()));
+  stored.clear();
+  stored.reserve(kFrameHeader + blocks * kBlockHeader + raw.size());
+  put<4>(kMagic, stored);
+  stored.push_back(descriptor);
+  put<sizeof(Size)>(raw.size(), stored);
   for (std::size_t b = 0; b < blocks; ++b) {
     const auto block =
         raw.subspan(b * kMostInBlock).first(std::min(kMostInBlock, raw.size() - b * kMostInBlock));
-    const auto size = static_cast<std::uint32_t>(block.size());
-    to = put<kBlockHeader>(to, size << 3 | (b + 1 == blocks ? kLastBlock : 0));
-    if (size > 0) std::memcpy(to, block.data(), size);
-    to += size;
+    put<kBlockHeader>(block.size() << 3 | (b + 1 == blocks ? kLastBlock : 0), stored);
+    stored.insert(stored.end(), block.begin(), block.end());
   }
 }
 
@@ -279,7 +284,8 @@ Compressor::Compressor(Compressor&&) noexcept = default;
 
 void Compressor::compress(std::span<const std::byte> raw, std::vector<std::byte>& stored, int level,
                           PlainRoom* room) {
-  if (room != nullptr && take(*room, raw.size())) return make_plain_frame(raw, stored);
+  if (room != nullptr && take(*room, raw.size()))
+    return make_plain_frame<std::uint32_t>(raw, kSizeIn4Bytes, stored);
   check_zstd(ZSTD_CCtx_setParameter(contexts_->compress, ZSTD_c_compressionLevel, level),
              "set the level");
   // Whatever the bytes are they fit: no second try with a larger buffer.
@@ -288,6 +294,19 @@ void Compressor::compress(std::span<const std::byte> raw, std::vector<std::byte>
       ZSTD_compress2(contexts_->compress, stored.data(), stored.size(), raw.data(), raw.size());
   check_zstd(size, "compress a block");
   stored.resize(size);
+  if (is_as_is(stored))
+    throw Error(ErrorKind::internal, "zstd states a size in eight bytes (please report)");
+}
+
+bool Compressor::keep_as_is(std::span<const std::byte> raw, std::vector<std::byte>& stored,
+                            PlainRoom* room) {
+  if (room == nullptr || !take(*room, raw.size())) return false;
+  make_plain_frame<std::uint64_t>(raw, kSizeIn8Bytes, stored);
+  return true;
+}
+
+bool is_as_is(std::span<const std::byte> frame) {
+  return frame.size() > 4 && frame[4] == kSizeIn8Bytes;
 }
 
 void Compressor::decompress(std::span<const std::byte> stored, std::span<std::byte> raw) {

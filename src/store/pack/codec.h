@@ -31,6 +31,10 @@ class Compressor {
   /// is one of blocks that are not compressed. Never larger than ZSTD_compressBound says.
   void compress(std::span<const std::byte> raw, std::vector<std::byte>& stored,
                 int level = kZstdLevel, PlainRoom* room = nullptr);
+  /// Where there is `room` for `raw`, which is taken, replaces `stored` by a frame of bytes as they
+  /// are, for which is_as_is() is true; else returns false.
+  static bool keep_as_is(std::span<const std::byte> raw, std::vector<std::byte>& stored,
+                         PlainRoom* room);
   /// Fills `raw` exactly; throws Error(damaged_store) if the frame is malformed or of another size.
   /// raw.size() must have been checked by the caller against what it is willing to allocate.
   void decompress(std::span<const std::byte> stored, std::span<std::byte> raw);
@@ -41,6 +45,9 @@ class Compressor {
   struct Contexts;
   std::unique_ptr<Contexts> contexts_;
 };
+
+/// Was the frame made by Compressor::keep_as_is()? What it holds has passed no filter.
+bool is_as_is(std::span<const std::byte> frame);
 
 /// About what compression leaves of filtered bytes: their entropy, 1024 by 1024. Integers alone, so
 /// that a choice between two encodings is the same with every version of zstd.

@@ -175,8 +175,9 @@ TEST_CASE("every 8-bit sRGB value survives a trip through a linear half or float
   }
 }
 
-TEST_CASE("a result block comes back, and another size is refused") {
+TEST_CASE("a result block comes back, filtered or as it is, and another size is refused") {
   Random random(91);
+  store::Compressor compressor;
   for (const Depth depth : {Depth::u8, Depth::u16, Depth::half, Depth::float32}) {
     for (std::uint32_t channels = 1; channels <= 4; ++channels) {
       const TexelFormat format{channels, depth, false, true, false};
@@ -189,24 +190,32 @@ TEST_CASE("a result block comes back, and another size is refused") {
           CHECK(block.covered(texel));
         }
       }
-      std::vector<std::byte> raw;
-      encode(block, format, raw);
-      CHECK(raw.size() == kMaskBytes + block.texels.size());
-      decode_result(raw, format, "r", read);
-      CHECK(read.mask == block.mask);
-      CHECK(read.texels == block.texels);
+      const auto size = static_cast<std::uint32_t>(kMaskBytes + block.texels.size());
+      for (const bool has_room : {false, true}) {
+        store::PlainRoom room = has_room ? size : size - 1;
+        std::vector<std::byte> stored;
+        CHECK(encode(block, format, compressor, &room, stored) == size);
+        CHECK(store::is_as_is(stored) == has_room);
+        CHECK(room == (has_room ? 0 : size - 1));
+        if (has_room) {
+          // Nothing but the texels themselves behind the coverage.
+          CHECK(std::memcmp(stored.data() + (stored.size() - block.texels.size()),
+                            block.texels.data(), block.texels.size()) == 0);
+        }
+        decode(stored, size, format, compressor, "r", read);
+        CHECK(read.mask == block.mask);
+        CHECK(read.texels == block.texels);
 
-      for (const std::size_t size : {std::size_t{0}, std::size_t{511}, raw.size() - 1}) {
-        const std::vector<std::byte> cut(raw.begin(),
-                                         raw.begin() + static_cast<std::ptrdiff_t>(size));
-        std::string message;
-        CHECK(test::error_kind([&] { decode_result(cut, format, "r.pack", read); }, &message) ==
+        for (const std::uint32_t other : {0U, 511U, size - 1, size + 1}) {
+          std::string message;
+          CHECK(test::error_kind([&] { decode(stored, other, format, compressor, "r.pack", read); },
+                                 &message) == test::kDamaged);
+          CHECK(message.find("r.pack") == 0);
+        }
+        stored.pop_back();
+        CHECK(test::error_kind([&] { decode(stored, size, format, compressor, "r", read); }) ==
               test::kDamaged);
-        CHECK(message.find("r.pack") == 0);
       }
-      raw.push_back({});
-      CHECK(test::error_kind([&] { decode_result(raw, format, "r.pack", read); }) ==
-            test::kDamaged);
     }
   }
 }
