@@ -67,44 +67,55 @@ Vec3f unit_or_zero(Vec3f v) {
   return squared > 1e-12F ? v * (1 / std::sqrt(squared)) : Vec3f{};
 }
 
+// Four partial results, which vectors can hold: a bundle is a bound, so the order of sums is free.
+
+float sum_of(const float (&v)[kLanes]) {
+  float part[4] = {v[0], v[1], v[2], v[3]};
+  for (int i = 4; i < kLanes; i += 4) {
+    for (int k = 0; k < 4; ++k) part[k] += v[i + k];
+  }
+  return (part[0] + part[1]) + (part[2] + part[3]);
+}
+
+float largest_of(const float (&v)[kLanes]) {
+  float part[4] = {v[0], v[1], v[2], v[3]};
+  for (int i = 4; i < kLanes; i += 4) {
+    for (int k = 0; k < 4; ++k) part[k] = std::max(part[k], v[i + k]);
+  }
+  return std::max(std::max(part[0], part[1]), std::max(part[2], part[3]));
+}
+
+/// The sum of what the used lanes have.
+float sum_of(const float (&v)[kLanes], const float (&used)[kLanes]) {
+  float products[kLanes];
+  for (int i = 0; i < kLanes; ++i) products[i] = used[i] * v[i];
+  return sum_of(products);
+}
+
 }  // namespace
 
 RayBundle bundle_of(const surface::TexelPacket& packet) {
   RayBundle bundle;
-  Vec3f normals;
-  float count = 0, largest = 0;
-  for (int i = 0; i < kLanes;
-       ++i) {  // unused lanes repeat the first one's point and have no normal
-    const float used = packet.texel[i] == surface::kNoTexel ? 0.0F : 1.0F;
-    bundle.origin.x += used * packet.px[i];
-    bundle.origin.y += used * packet.py[i];
-    bundle.origin.z += used * packet.pz[i];
-    normals.x += packet.nx[i];
-    normals.y += packet.ny[i];
-    normals.z += packet.nz[i];
-    count += used;
-  }
-  bundle.origin = bundle.origin * (1 / count);
+  // Unused lanes repeat the first one's point and have no normal.
+  float used[kLanes];
+  for (int i = 0; i < kLanes; ++i) used[i] = packet.texel[i] == surface::kNoTexel ? 0.0F : 1.0F;
+  const Vec3f points{sum_of(packet.px, used), sum_of(packet.py, used), sum_of(packet.pz, used)};
+  bundle.origin = points * (1 / sum_of(used));
   // Zero where normals cancel out. Then spread is 1, and the cone a ball that grows with the
   // height.
-  bundle.direction = unit_or_zero(normals);
+  bundle.direction = unit_or_zero({sum_of(packet.nx), sum_of(packet.ny), sum_of(packet.nz)});
   float offsets[kLanes], spreads[kLanes], sizes[kLanes];
   for (int i = 0; i < kLanes; ++i) {
-    const float used = packet.texel[i] == surface::kNoTexel ? 0.0F : 1.0F;
     const float x = packet.px[i] - bundle.origin.x, y = packet.py[i] - bundle.origin.y,
                 z = packet.pz[i] - bundle.origin.z;
     const float u = packet.nx[i] - bundle.direction.x, v = packet.ny[i] - bundle.direction.y,
                 w = packet.nz[i] - bundle.direction.z;
     offsets[i] = x * x + y * y + z * z;
-    spreads[i] = used * (u * u + v * v + w * w);
+    spreads[i] = used[i] * (u * u + v * v + w * w);
     sizes[i] = std::abs(packet.px[i]) + std::abs(packet.py[i]) + std::abs(packet.pz[i]);
   }
-  float offset = 0, spread = 0;
-  for (int i = 0; i < kLanes; ++i) {
-    offset = std::max(offset, offsets[i]);
-    spread = std::max(spread, spreads[i]);
-    largest = std::max(largest, sizes[i]);
-  }
+  const float offset = largest_of(offsets), spread = largest_of(spreads),
+              largest = largest_of(sizes);
   // Coordinates are floats: a few of their last places cover every rounding on the way to a hit.
   bundle.offset = std::sqrt(offset) * 1.00001F + 4e-7F * largest;
   bundle.spread = std::sqrt(spread) * 1.00001F + 4e-7F;

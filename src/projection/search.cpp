@@ -86,14 +86,27 @@ std::uint64_t count_distances(float max_distance, const SearchState& state,
                               DistanceCounts& counts) {
   std::uint64_t steps = 0;
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
+    const TexelPacket& packet = state.packets[p];
+    const HitPacket& hit = state.hits[p];
+    // A loop of its own: without a branch it becomes vector code.
+    float shares[kLanes];
+    for (int lane = 0; lane < kLanes; ++lane)
+      shares[lane] = distance_of(hit.key[lane], packet) / max_distance;
+    // Neighbours mostly share a bin: a counter that is in memory would be waited for each time.
+    std::size_t bin = 0;
+    std::uint64_t in_bin = 0;
     for (int lane = 0; lane < kLanes; ++lane) {
-      const bool is_found =
-          state.packets[p].texel[lane] != surface::kNoTexel && state.hits[p].key[lane] != kNoHit;
-      if (!is_found) continue;
-      const float distance = distance_of(state.hits[p].key[lane], state.packets[p]);
-      count_distance(distance, max_distance, counts);
-      steps += distance_steps(distance, max_distance);
+      if (packet.texel[lane] == surface::kNoTexel || hit.key[lane] == kNoHit) continue;
+      const std::size_t own = distance_bin(shares[lane]);
+      if (own != bin) {
+        counts[bin] += in_bin;
+        bin = own;
+        in_bin = 0;
+      }
+      ++in_bin;
+      steps += share_steps(shares[lane]);
     }
+    counts[bin] += in_bin;
   }
   return steps;
 }

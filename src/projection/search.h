@@ -57,19 +57,29 @@ float middle_distance(const SearchState& state);
 /// Adds how far away the texels found what they found. Returns the sum of their distance_steps().
 std::uint64_t count_distances(float max_distance, const SearchState& state, DistanceCounts& counts);
 
+/// The bin of a distance that is such a share of the most.
+inline std::size_t distance_bin(float share) {
+  const auto last = static_cast<float>(kDistanceBins - 1);
+  const float bin = share * static_cast<float>(kDistanceBins);
+  return bin > 0 ? static_cast<std::size_t>(std::min(bin, last)) : 0;
+}
+/// The same share in steps of 2^-16.
+inline std::uint64_t share_steps(float share) {
+  constexpr float kSteps = 65536;
+  // Signed: processors convert to no other at once.
+  return static_cast<std::uint64_t>(
+      static_cast<std::int32_t>(std::clamp(share, 0.0F, 1.0F) * kSteps + 0.5F));
+}
+
 /// Counts a texel that found its surface at `distance`, of at most `max_distance`. Integers, so the
 /// sums do not depend on order.
 inline void count_distance(float distance, float max_distance, DistanceCounts& counts) {
-  const auto last = static_cast<float>(kDistanceBins - 1);
-  const float bin = distance / max_distance * static_cast<float>(kDistanceBins);
-  ++counts[bin > 0 ? static_cast<std::size_t>(std::min(bin, last)) : 0];
+  ++counts[distance_bin(distance / max_distance)];
 }
 
 /// The same distance in steps of max_distance / 2^16, of which sums do not depend on order, either.
 inline std::uint64_t distance_steps(float distance, float max_distance) {
-  constexpr float kSteps = 65536;
-  return static_cast<std::uint64_t>(std::clamp(distance / max_distance, 0.0F, 1.0F) * kSteps +
-                                    0.5F);
+  return share_steps(distance / max_distance);
 }
 
 // --- the surface that was hit --------------------------------------------------------------------

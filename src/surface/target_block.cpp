@@ -268,6 +268,10 @@ void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_d
   if (has_records()) return fill_records(texels, count, packet);
   // One coarseness for all lanes, that of the coarsest owner: kernels compare sixteen keys at once.
   packet.coarseness = coarseness(texels, count);
+  if (is_deep && is_of_one(texels, count)) {
+    fill_deep(texels, count, packet);
+    return make_unit(packet);
+  }
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const bool used = lane < count;
     // Unused lanes repeat lane 0's start, so they widen no bound, with a zero normal, which faces
@@ -296,7 +300,45 @@ void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_d
     const Four beyond = edges_[owner].beyond(dx, dy, start_of(owner, packet.coarseness));
     if (any_negative(beyond)) move_start(lane, beyond, packet);
   }
-  // Lane by lane as in texel(), in loops that become vectors.
+  make_unit(packet);
+}
+
+bool TargetBlock::is_of_one(const std::uint16_t* texels, std::size_t count) const {
+  return std::all_of(texels, texels + count,
+                     [&](std::uint16_t texel) { return owner_[texel] == owner_[texels[0]]; });
+}
+
+/// The same of texels deep inside of one triangle, in loops that become vectors.
+void TargetBlock::fill_deep(const std::uint16_t* texels, std::size_t count,
+                            TexelPacket& packet) const {
+  const std::uint16_t owner = owner_[texels[0]];
+  const Affine a = triangles_[owner];
+  float dx[kLanes], dy[kLanes];
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const bool used = lane < count;
+    const std::uint32_t at = texels[used ? lane : 0];
+    dx[lane] = static_cast<float>(at % mesh::kBlockEdge) - a.x;
+    dy[lane] = static_cast<float>(at / mesh::kBlockEdge) - a.y;
+    packet.texel[lane] = used ? texels[lane] : kNoTexel;
+    packet.owner[lane] = owner;
+    packet.per_texel[lane] = a.per_texel;
+  }
+  const auto put = [&](float at, float along_x, float along_y, float(&out)[kLanes]) {
+    for (std::size_t lane = 0; lane < kLanes; ++lane)
+      out[lane] = at + (along_x * dx[lane] + along_y * dy[lane]);
+  };
+  put(a.p.x, a.pu.x, a.pv.x, packet.px);
+  put(a.p.y, a.pu.y, a.pv.y, packet.py);
+  put(a.p.z, a.pu.z, a.pv.z, packet.pz);
+  put(a.n.x, a.nu.x, a.nv.x, packet.nx);
+  put(a.n.y, a.nu.y, a.nv.y, packet.ny);
+  put(a.n.z, a.nu.z, a.nv.z, packet.nz);
+  for (std::size_t lane = count; lane < kLanes; ++lane)
+    packet.nx[lane] = packet.ny[lane] = packet.nz[lane] = 0;
+}
+
+/// Lane by lane as in texel(), in loops that become vectors.
+void TargetBlock::make_unit(TexelPacket& packet) {
   float scale[kLanes];
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const float squared = packet.nx[lane] * packet.nx[lane] + packet.ny[lane] * packet.ny[lane] +

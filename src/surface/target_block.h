@@ -152,6 +152,9 @@ class TargetBlock {
                              std::vector<PacketGroup>& groups) const;
   void fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
             TexelPacket& packet) const;
+  bool is_of_one(const std::uint16_t* texels, std::size_t count) const;
+  void fill_deep(const std::uint16_t* texels, std::size_t count, TexelPacket& packet) const;
+  static void make_unit(TexelPacket& packet);
   void move_start(std::size_t lane, Four beyond, TexelPacket& packet) const;
   float coarseness(const std::uint16_t* texels, std::size_t count) const;
 

@@ -10,6 +10,7 @@
 #include "flow/project/hit_shading.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <utility>
 
@@ -143,24 +144,6 @@ class BlockShading {
     return count;
   }
 
-  /// Of up to four channels of 8 bits.
-  static void copy_texel(const std::byte* texel, std::size_t channels, std::byte* out) {
-    switch (channels) {
-      case 1:
-        *out = *texel;
-        break;
-      case 2:
-        std::memcpy(out, texel, 2);
-        break;
-      case 3:
-        std::memcpy(out, texel, 3);
-        break;
-      default:
-        std::memcpy(out, texel, 4);
-        break;
-    }
-  }
-
   struct BlockResult {
     shading::ResultBlock block;
     std::uint64_t covered = 0;
@@ -189,12 +172,40 @@ class BlockShading {
     ColourWindow& window() const { return blend.window(member); }
   };
 
+  /// Those of `lanes` that were rounded to up to four channels of 8 bits.
+  template <std::size_t texel_bytes>
+  static void copy_texels(const Packet& packet, unsigned lanes, shading::ResultBlock& result) {
+    std::byte* const to = result.texels.data();
+    projection::for_each_lane(lanes, [&](std::size_t i) {
+      const std::uint16_t texel = packet.texels().texel[i];
+      std::memcpy(to + texel * texel_bytes, packet.blend.texel(packet.member, static_cast<int>(i)),
+                  texel_bytes);
+      result.cover(texel);
+    });
+  }
+
   /// Writes what the texels of a packet hit, and returns how many have a value.
   std::uint64_t store_packet(const Packet& packet, shading::ResultBlock& result,
                              std::uint64_t& clipped) const {
     const std::size_t texel_bytes = packet.channel.format.texel_bytes();
-    std::uint64_t covered = 0;
-    projection::for_each_lane(packet.hits, [&](std::size_t i) {
+    // Most lanes have what the output stores already.
+    const unsigned ready =
+        packet.channel.shape ? 0 : packet.hits & packet.blend.with_texels(packet.member);
+    auto covered = static_cast<std::uint64_t>(std::popcount(ready));
+    switch (texel_bytes) {
+      case 1:
+        copy_texels<1>(packet, ready, result);
+        break;
+      case 2:
+        copy_texels<2>(packet, ready, result);
+        break;
+      case 3:
+        copy_texels<3>(packet, ready, result);
+        break;
+      default:
+        copy_texels<4>(packet, ready, result);
+    }
+    projection::for_each_lane(packet.hits & ~ready, [&](std::size_t i) {
       const std::uint16_t texel = packet.texels().texel[i];
       std::byte* const out = result.texels.data() + texel * texel_bytes;
       const int lane = static_cast<int>(i);
@@ -213,10 +224,6 @@ class BlockShading {
     // From the most special case to the most general one. Where several apply, all give the same
     // bits: it must not show which lanes happened to share a packet.
     const shading::TexelFormat& format = packet.channel.format;
-    if (packet.blend.has_texel(packet.member, lane)) {
-      copy_texel(packet.blend.texel(packet.member, lane), format.channels, out);
-      return true;
-    }
     const PageColour& page = packet.page(lane);
     std::optional<shading::Factor> vertices;
     if (page.tinted) vertices = vertex_factor(packet.surface().colour(lane));

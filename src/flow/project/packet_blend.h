@@ -85,8 +85,8 @@ class PacketBlend {
   void look_up(const projection::HitPacket& hit, const surface::TexelPacket& texels, unsigned hits,
                const std::vector<surface::TexelAxes>& axes);
 
-  /// What became of a lane. Neither: it is to be blended alone.
-  bool has_texel(std::size_t c, int lane) const { return (own_[c].rounded >> lane & 1) != 0; }
+  /// Lanes that have a texel, and what else became of one. Neither: it is to be blended alone.
+  unsigned with_texels(std::size_t c) const { return own_[c].rounded; }
   bool has_samples(std::size_t c, int lane) const { return (own_[c].blended >> lane & 1) != 0; }
   /// As the output stores it: up to four channels of 8 bits.
   const std::byte* texel(std::size_t c, int lane) const {
