@@ -9,12 +9,20 @@
 #include "store/blocks/result_records.h"
 
 namespace pounce::planning {
+namespace {
+
+/// Raised whenever a program would read the results of an earlier one as other texels, or an
+/// earlier one its own: an unfinished job may be gone on with by either.
+constexpr std::uint32_t kResultsVersion = 2;
+
+}  // namespace
 
 Hash128 results_key(const SourcePlan& source, const PassPlan& pass, const TargetPlan& target,
                     std::size_t page) {
   Hasher hasher;
   hasher.add(std::string_view("results"));
   hasher.add(store::kFormatVersion);
+  hasher.add(kResultsVersion);
   for (const std::size_t c : pass.channels) {
     const ChannelPlan& channel = source.channels[c];
     hasher.add(std::string_view(target.images[c][page].job));
