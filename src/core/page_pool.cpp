@@ -123,6 +123,7 @@ void mark_used(Region& region, std::size_t first, std::size_t count, Pool& p) {
 void give_back(Pool& p, std::size_t most_idle) {
   for (auto r = p.regions.rbegin(); r != p.regions.rend() && p.idle_pages > most_idle; ++r) {
     Region& region = *r->second;
+    if (region.idle_pages == 0) continue;
     std::size_t end = 0;
     while (p.idle_pages > most_idle) {
       const std::size_t first = next(region.idle, true, end);

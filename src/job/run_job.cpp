@@ -298,7 +298,8 @@ namespace {
 
 /// Of a thread beside what it leases: stack, the allocator's arena, the kernel's share.
 constexpr std::uint64_t kThreadBytes = 1 << 20;
-/// Pages that wait in the page pool (core/page_pool.cpp: 4 and 8 MiB).
+/// Pages that wait in the page pool (core/page_pool.cpp: 4 and 8 MiB at most), and what libraries
+/// take later than this is measured; all of both at once was never seen.
 constexpr std::uint64_t kMarginBytes = 12 << 20;
 
 std::uint64_t mib_up(std::uint64_t bytes) { return (bytes + (1 << 20) - 1) >> 20; }

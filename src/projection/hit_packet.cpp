@@ -77,9 +77,10 @@ float sum_of(const float (&v)[kLanes]) {
   return (part[0] + part[1]) + (part[2] + part[3]);
 }
 
+/// Of what is not negative; what is no number does not count.
 float largest_of(const float (&v)[kLanes]) {
-  float part[4] = {v[0], v[1], v[2], v[3]};
-  for (int i = 4; i < kLanes; i += 4) {
+  float part[4] = {};
+  for (int i = 0; i < kLanes; i += 4) {
     for (int k = 0; k < 4; ++k) part[k] = std::max(part[k], v[i + k]);
   }
   return std::max(std::max(part[0], part[1]), std::max(part[2], part[3]));

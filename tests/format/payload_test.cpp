@@ -277,6 +277,48 @@ TEST_CASE("a decoder written from the page reads a result block", "[format]") {
   }
 }
 
+namespace {
+
+/// What a frame of blocks as they are holds, if its header states the size in eight bytes.
+Bytes content_as_is(const Bytes& frame) {
+  Stranger in(frame);
+  CHECK(in.u32() == 0xFD2FB528);
+  CHECK(in.integer(1) == 0xE0);
+  const auto size = in.integer(8);
+  Bytes content;
+  for (bool is_last = false; !is_last;) {
+    const auto header = in.integer(3);
+    is_last = (header & 1) != 0;
+    CHECK((header >> 1 & 3) == 0);  // a raw block
+    for (std::uint64_t i = header >> 3; i > 0; --i) content.push_back(std::byte(in.integer(1)));
+  }
+  CHECK(in.left() == 0);
+  CHECK(content.size() == size);
+  return content;
+}
+
+}  // namespace
+
+TEST_CASE("what is not compressed is as it is, marked by its size of eight bytes", "[format]") {
+  Compressor compressor;
+  PlainRoom room = 1 << 20;
+  Bytes stored;
+  const ColourDirectory image = example_image(Depth::u16, 3);
+  const Bytes tile = test::random_bytes(std::size_t{68} * 68 * 6, 1);
+  encode_tile(image, tile, compressor, kZstdLevel, &room, stored);
+  CHECK(content_as_is(stored) == tile);
+
+  shading::ResultBlock block;
+  const Bytes texels = test::random_bytes(std::size_t{64} * 64 * 4, 2);
+  block.texels.assign(texels.begin(), texels.end());
+  block.cover(9);
+  shading::encode(block, {4, Depth::u8, false, true, true}, compressor, &room, stored);
+  Bytes expected(512);
+  expected[1] = std::byte{2};
+  expected.insert(expected.end(), texels.begin(), texels.end());
+  CHECK(content_as_is(stored) == expected);
+}
+
 TEST_CASE("the documented example of the filters holds", "[format]") {
   // Four RGB texels, 8 bit: differences per channel, then the planes R, G, B.
   const std::array<unsigned, 12> texels{10, 20, 30, 12, 20, 29, 14, 20, 28, 14, 22, 28};

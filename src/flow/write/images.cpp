@@ -20,6 +20,7 @@
 #include <atomic>
 #include <cstring>
 #include <optional>
+#include <utility>
 
 #include "flow/write/image_file.h"
 #include "io/codec/sample.h"
@@ -266,7 +267,8 @@ class ImageAssembler {
     std::vector<std::byte> stored;
     results_.read(chunk, store::ChunkKind::block, stored);
     shading::ResultBlock block;
-    shading::decode(stored, chunk.raw_bytes, format_, job_.compressor(), results_.name(), block);
+    shading::decode(std::move(stored), chunk.raw_bytes, format_, job_.compressor(), results_.name(),
+                    block);
     return block;
   }
 

@@ -201,12 +201,15 @@ ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor)
     throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile has the wrong size");
   std::vector<std::byte> stored;
   pack_->read(chunk, ChunkKind::block, stored);
-  ColourTile tile(size);
+  ColourTile tile;
   if (is_as_is(stored)) {
+    tile.resize(size);
     compressor.decompress(stored, tile);
   } else {
     std::vector<std::byte> raw(size);
     compressor.decompress(stored, raw);
+    stored = {};  // its memory
+    tile.resize(size);
     unfilter_colours(directory_, raw, tile);
   }
   if (!are_finite(directory_, tile))
