@@ -271,19 +271,15 @@ void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& ke
 namespace {
 
 /// What sixteen texels have found along one of their rays, lane by lane in loops that become
-/// vectors. Lanes that have not found as much as `least` of opacity are not `enough`.
-struct Found {
-  double colour[3][kLanes], opacity[kLanes], distance[kLanes], confidence[kLanes];
-  bool enough[kLanes];
-};
-
-Found found_along(const SplatLimits& limits, const DepthPacket& depths, double least) {
-  Found out;
+/// vectors: where that is as much as `least` of opacity.
+SplatFindings found_along(const SplatLimits& limits, const DepthPacket& depths, double least) {
+  SplatFindings out;
   double per_weight[kLanes], square[kLanes];
   for (int i = 0; i < kLanes; ++i) {
     out.opacity[i] = 1 - exp_same(-depths.passed[i] / double{kSplatSteps});
-    out.enough[i] = depths.weight[i] > 0 && out.opacity[i] >= least;
-    per_weight[i] = out.enough[i] ? static_cast<double>(depths.weight[i]) : 1;
+    const bool enough = depths.weight[i] > 0 && out.opacity[i] >= least;
+    out.found |= std::uint32_t{enough} << i;
+    per_weight[i] = enough ? static_cast<double>(depths.weight[i]) : 1;
     square[i] = static_cast<double>(depths.square[i]) / per_weight[i] - kNoVariance;
   }
   for (std::size_t c = 0; c < 3; ++c) {
@@ -307,34 +303,48 @@ Found found_along(const SplatLimits& limits, const DepthPacket& depths, double l
 
 }  // namespace
 
+void SplatFindings::take(std::size_t lane, const SplatFindings& from) {
+  drop(lane);
+  found |= from.found & std::uint32_t{1} << lane;
+  for (std::size_t c = 0; c < 3; ++c) colour[c][lane] = from.colour[c][lane];
+  opacity[lane] = from.opacity[lane];
+  distance[lane] = from.distance[lane];
+  confidence[lane] = from.confidence[lane];
+}
+
+std::optional<SplatFinding> SplatFindings::operator[](std::size_t lane) const {
+  if (!has(lane)) return std::nullopt;
+  return SplatFinding{{colour[0][lane], colour[1][lane], colour[2][lane]},
+                      opacity[lane],
+                      distance[lane],
+                      confidence[lane]};
+}
+
 SplatFindings findings(const SplatLimits& limits, const SplatState& state, std::size_t packet) {
   const std::size_t own = packet * looks_of(limits);
-  const Found ahead = found_along(limits, state.depths[own], limits.least_opacity);
-  SplatFindings out;
-  std::array<double, kLanes> weights{};
+  SplatFindings out = found_along(limits, state.depths[own], limits.least_opacity);
   for (std::size_t i = 0; i < kLanes; ++i) {
-    if (!ahead.enough[i] || ahead.confidence[i] < limits.least_confidence) continue;
-    out[i] = {{ahead.colour[0][i], ahead.colour[1][i], ahead.colour[2][i]},
-              ahead.opacity[i],
-              ahead.distance[i],
-              ahead.confidence[i]};
-    if (limits.rays == 0) continue;
-    weights[i] = ahead.opacity[i];
-    for (double& c : out[i]->colour) c *= weights[i];
+    if (out.confidence[i] < limits.least_confidence) out.drop(i);
   }
   if (limits.rays == 0) return out;
+  std::array<double, kLanes> weights{};
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    if (!out.has(i)) continue;
+    weights[i] = out.opacity[i];
+    for (auto& c : out.colour) c[i] *= weights[i];
+  }
   for (std::size_t k = 1; k < looks_of(limits); ++k) {
-    const Found beside = found_along(limits, state.depths[own + k], kLeastOpacity);
+    const SplatFindings beside = found_along(limits, state.depths[own + k], kLeastOpacity);
     for (std::size_t i = 0; i < kLanes; ++i) {
-      if (!out[i] || !beside.enough[i]) continue;
+      if (!out.has(i) || !beside.has(i)) continue;
       const double weight = kConeCosine * beside.opacity[i];
-      for (std::size_t c = 0; c < 3; ++c) out[i]->colour[c] += weight * beside.colour[c][i];
+      for (std::size_t c = 0; c < 3; ++c) out.colour[c][i] += weight * beside.colour[c][i];
       weights[i] += weight;
     }
   }
   for (std::size_t i = 0; i < kLanes; ++i) {
-    if (!out[i]) continue;
-    for (double& c : out[i]->colour) c /= weights[i];
+    if (!out.has(i)) continue;
+    for (auto& c : out.colour) c[i] /= weights[i];
   }
   return out;
 }

@@ -81,7 +81,15 @@ struct SplatFinding {
 
 /// Of a packet, lane by lane: nothing where a texel has found less than limits.least_opacity or is
 /// less sure than asked, nor in unused lanes.
-using SplatFindings = std::array<std::optional<SplatFinding>, kLanes>;
+struct SplatFindings {
+  std::uint32_t found = 0;  ///< lanes that have something: a bit each
+  double colour[3][kLanes], opacity[kLanes], distance[kLanes], confidence[kLanes];
+
+  bool has(std::size_t lane) const { return (found >> lane & 1) != 0; }
+  void drop(std::size_t lane) { found &= ~(std::uint32_t{1} << lane); }
+  void take(std::size_t lane, const SplatFindings& from);  ///< what another has there
+  std::optional<SplatFinding> operator[](std::size_t lane) const;
+};
 SplatFindings findings(const SplatLimits& limits, const SplatState& state, std::size_t packet);
 
 // --- a mesh's texels on rays ---------------------------------------------------------------------

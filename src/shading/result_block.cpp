@@ -11,6 +11,7 @@
 #include "shading/result_block.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -159,6 +160,58 @@ std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
     double v = converted(format, value, c, pick(format, value, c));
     if (multiplies && c < format.colours()) v *= value.v[value.channels - 1];
     clipped += store_sample(format.depth, v, out);
+  }
+  return clipped;
+}
+
+namespace {
+
+/// store_integer() of all lanes, in loops that become vectors. Returns which are clipped.
+std::uint32_t round_to_bytes(const double* v, std::uint8_t* bytes) noexcept {
+  constexpr double kMost = 255;
+  std::int32_t samples[kValues], outside[kValues];
+  for (int i = 0; i < kValues; ++i) {
+    const double inside = v[i] > 0 ? (v[i] < 1 ? v[i] : 1.0) : 0.0;  // what is no number is 0
+    samples[i] = static_cast<std::int32_t>(inside * kMost + 0.5);
+    outside[i] = v[i] * kMost >= -0.5 && v[i] * kMost < kMost + 0.5 ? 0 : 1;
+  }
+  std::uint32_t clipped = 0;
+  for (int i = 0; i < kValues; ++i) {
+    bytes[i] = static_cast<std::uint8_t>(samples[i]);
+    clipped |= static_cast<std::uint32_t>(outside[i]) << i;
+  }
+  return clipped;
+}
+
+}  // namespace
+
+std::uint32_t store_texels(const TexelFormat& format, const TexelValues& values,
+                           std::uint32_t lanes, const std::uint16_t* texel,
+                           std::byte* out) noexcept {
+  const std::size_t size = format.texel_bytes();
+  std::uint32_t clipped = 0;
+  const bool is_plain = format.depth == Depth::u8 && format.transform == nullptr &&
+                        !format.premultiplied && format.channels == values.channels &&
+                        format.has_alpha == values.has_alpha &&
+                        (!format.is_colour || format.linear == values.linear);
+  if (!is_plain) {
+    for (; lanes != 0; lanes &= lanes - 1) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(lanes));
+      TexelValue value{{},    values.channels, values.linear, values.has_alpha,
+                       false, values.is_final};
+      for (std::size_t c = 0; c < values.channels; ++c) value.v[c] = values.v[c][i];
+      clipped += store_texel(format, value, out + texel[i] * size);
+    }
+    return clipped;
+  }
+  std::uint8_t bytes[4][kValues];
+  for (std::size_t c = 0; c < format.channels; ++c)
+    clipped +=
+        static_cast<std::uint32_t>(std::popcount(round_to_bytes(values.v[c], bytes[c]) & lanes));
+  for (; lanes != 0; lanes &= lanes - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(lanes));
+    for (std::size_t c = 0; c < size; ++c)
+      out[texel[i] * size + c] = static_cast<std::byte>(bytes[c][i]);
   }
   return clipped;
 }

@@ -60,6 +60,21 @@ void transform_colour(const ColourTransform& transform, TexelValue& value) noexc
 std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
                           std::byte* out) noexcept;
 
+inline constexpr int kValues = 16;
+/// Values of sixteen texels, channel by channel; else as in TexelValue. Not owned.
+struct TexelValues {
+  std::array<const double*, 4> v{};  ///< kValues numbers each
+  std::uint32_t channels = 0;
+  bool linear = false;
+  bool has_alpha = false;
+  bool is_final = false;
+};
+/// store_texel() of those of `lanes` (a bit each): lane i as texel[i] of those at `out`. Faster
+/// where 8 bits are rounded and nothing is converted.
+std::uint32_t store_texels(const TexelFormat& format, const TexelValues& values,
+                           std::uint32_t lanes, const std::uint16_t* texel,
+                           std::byte* out) noexcept;
+
 /// The sRGB transfer function and its inverse as near as samples of `depth` need, and faster for 8
 /// bits and half.
 double to_linear(double coded, Depth depth) noexcept;

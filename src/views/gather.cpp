@@ -98,41 +98,66 @@ void leave_unseen(std::span<const surface::PacketGroup> groups,
   }
 }
 
+namespace {
+
+/// Of lanes that no view sees unhidden, the sums of those in which the scene hides them.
+void add_hidden(const SightPacket& packet, SightPacket::Sums& sums) {
+  const auto add = [&](std::int32_t* to, const std::int32_t* hidden) {
+    for (int i = 0; i < kLanes; ++i) to[i] = packet.clear.weight[i] > 0 ? to[i] : hidden[i];
+  };
+  add(sums.weight, packet.hidden.weight);
+  for (std::size_t c = 0; c < 3; ++c) add(sums.colour[c], packet.hidden.colour[c]);
+  add(sums.alpha, packet.hidden.alpha);
+  add(sums.luma, packet.hidden.luma);
+  add(sums.luma_squares, packet.hidden.luma_squares);
+  add(sums.away, packet.hidden.away);
+  add(sums.off, packet.hidden.off);
+}
+
+bool is_hidden_somewhere(const SightPacket& packet) {
+  bool out = false;
+  for (int i = 0; i < kLanes; ++i)
+    out |= packet.clear.weight[i] == 0 && packet.hidden.weight[i] > 0;
+  return out;
+}
+
+}  // namespace
+
 projection::SplatFindings sights_of(const Grid& grid, const SightLimits& limits,
                                     const SightPacket& packet) {
   // Lane by lane in loops that become vectors.
-  const auto sums = [&](const auto& member, int lane) {
-    return static_cast<double>(packet.clear.weight[lane] > 0 ? (packet.clear.*member)[lane]
-                                                             : (packet.hidden.*member)[lane]);
-  };
-  double weight[kLanes], per_weight[kLanes], confidence[kLanes];
+  SightPacket::Sums with_hidden;
+  const bool is_hidden = is_hidden_somewhere(packet);
+  if (is_hidden) add_hidden(packet, with_hidden = packet.clear);
+  const SightPacket::Sums& sums = is_hidden ? with_hidden : packet.clear;
+  projection::SplatFindings out;
+  double weight[kLanes], per_weight[kLanes];
   for (int i = 0; i < kLanes; ++i) {
-    weight[i] = sums(&SightPacket::Sums::weight, i);
-    per_weight[i] = 1 / std::max(weight[i], 1.0);
+    weight[i] = sums.weight[i];
+    out.found |= std::uint32_t{sums.weight[i] > 0} << i;
   }
+  for (int i = 0; i < kLanes; ++i) per_weight[i] = 1 / std::max(weight[i], 1.0);
+  const auto mean = [&](const std::int32_t* sum, int i) { return sum[i] * per_weight[i]; };
   // How much of what might see it does, how near the scene is to where it should be, and how far
-  // its views agree. What is seen at all is a colour of the scene.
-  constexpr double kLeast = 0.1, kUnlike = 0.05;
+  // its views agree.
+  constexpr double kLeast = kLeastConfidence, kUnlike = 0.05;
   constexpr double kSquare = kUnlike * kUnlike * double{kLumaSteps} * double{kLumaSteps};
-  for (int i = 0; i < kLanes; ++i) {
+  if (!limits.tells_confidence) std::fill_n(out.confidence, kLanes, kLeast);
+  for (int i = 0; i < kLanes && limits.tells_confidence; ++i) {
     const double seen = std::min(weight[i] / std::max<double>(packet.facing[i], 1), 1.0);
-    const double off = sums(&SightPacket::Sums::off, i) * per_weight[i] / double{limits.hidden};
-    const double luma = sums(&SightPacket::Sums::luma, i) * per_weight[i],
-                 squares = sums(&SightPacket::Sums::luma_squares, i) * per_weight[i],
+    const double off = mean(sums.off, i) / double{limits.hidden};
+    const double luma = mean(sums.luma, i), squares = mean(sums.luma_squares, i),
                  unlike = std::max(squares - luma * luma, 0.0) / kSquare;
     const double most = packet.clear.weight[i] > 0 ? 1.0 : 0.25;
-    confidence[i] = kLeast + (1 - kLeast) * most * seen / ((1 + 4 * off * off) * (1 + unlike));
+    out.confidence[i] = kLeast + (1 - kLeast) * most * seen / ((1 + 4 * off * off) * (1 + unlike));
   }
-  projection::SplatFindings out;
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (int i = 0; i < kLanes; ++i)
+      out.colour[c][i] = mean(sums.colour[c], i) * (1 / double{kColourSteps});
+  }
   for (int i = 0; i < kLanes; ++i) {
-    if (weight[i] == 0) continue;
-    projection::SplatFinding& found = out[static_cast<std::size_t>(i)].emplace();
-    const SightPacket::Sums& own = packet.clear.weight[i] > 0 ? packet.clear : packet.hidden;
-    for (std::size_t c = 0; c < 3; ++c)
-      found.colour[c] = own.colour[c][i] * per_weight[i] * (1 / double{kColourSteps});
-    found.opacity = own.alpha[i] * per_weight[i] * (1 / double{kAlphaSteps});
-    found.distance = own.away[i] * per_weight[i] * double{grid.depth_step()};
-    found.confidence = confidence[i];
+    out.opacity[i] = mean(sums.alpha, i) * (1 / double{kAlphaSteps});
+    out.distance[i] = mean(sums.away, i) * double{grid.depth_step()};
   }
   return out;
 }

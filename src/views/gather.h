@@ -47,20 +47,27 @@ struct alignas(64) SightPacket {
   /// Of the views in which the scene does not hide the texel, and of the others.
   struct Sums {
     std::int32_t weight[kLanes];
-    std::int32_t colour[3][kLanes];     ///< of weight x colour, in its steps
-    std::int32_t alpha[kLanes];         ///< of weight x alpha, in its steps
+    std::int32_t colour[3][kLanes];  ///< of weight x colour, in its steps
+    std::int32_t alpha[kLanes];      ///< of weight x alpha, in its steps
+    std::int32_t away[kLanes];       ///< of weight x how far outside the scene lies, in depth steps
+    // For the confidence alone.
+    std::int32_t off[kLanes];           ///< as `away`, whichever side
     std::int32_t luma[kLanes];          ///< of weight x brightness, in kLumaSteps
     std::int32_t luma_squares[kLanes];  ///< of weight x its square
-    std::int32_t away[kLanes];  ///< of weight x how far outside the scene lies, in depth steps
-    std::int32_t off[kLanes];   ///< the same, whichever side
   };
   Sums clear, hidden;
   std::int32_t facing[kLanes];  ///< weights of all views that a texel faces
 };
 
+/// What is seen at all is a colour of the scene: no view's texel is less sure than that.
+inline constexpr double kLeastConfidence = 0.1;
+
 /// What decides which views see a texel, beside the grid: in depth steps.
 struct SightLimits {
   float on_target = 0, hidden = 0;
+  /// False: nobody asks how sure a texel is. Sums that tell it alone are left out, and its
+  /// confidence is kLeastConfidence.
+  bool tells_confidence = true;
 };
 
 /// A tile of a view.
@@ -83,6 +90,8 @@ struct alignas(64) PlacePacket {
   float cosine[kLanes];                       ///< of the normal with the way to the eye
   std::int32_t weight[kLanes];                ///< 0: it does not face the eye
   TileRange tiles;                            ///< in which those lie that face it
+  /// How many packets, from this one on, have that range: where the one before has another.
+  std::uint32_t alike;
 };
 
 /// Where packets lie in a view; counts in `sights` how much they face it.

@@ -7,24 +7,36 @@ inline void add_to(std::int32_t (&sums)[kLanes], const Ints& value) {
   store(sums, load(sums) + value);
 }
 
-/// From the least to the largest of the lanes that count.
-struct IntRange {
-  std::int32_t least = 0xFFFF, largest = 0;
-
-  IntRange(const Ints& values, const Ints& counts, std::int32_t last) {
-    alignas(64) std::int32_t low[kLanes], high[kLanes];
-    const Ints within = select(values < last, values, all(last));
-    store(low, select(counts, within, all(0xFFFF)));
-    store(high, select(counts, within, all(0)));
-    for (int lane = 0; lane < kLanes; ++lane) {
-      least = std::min(least, low[lane]);
-      largest = std::max(largest, high[lane]);
-    }
-  }
-};
+/// The tiles from the least to the largest of the lanes that count, both ways: four bytes of each
+/// lane, of which the least of all lanes are found at once. The largest are counted from above.
+inline TileRange tiles_of(const Ints& x, const Ints& y, const Ints& counts) {
+  using Bytes = unsigned char __attribute__((vector_size(4 * kWidth)));
+  constexpr std::int32_t kFromAbove = static_cast<std::int32_t>(0xFF00FF00);
+  const Ints both = x | each([](IntRegister tile) { return tile << 16; }, y);
+  const Ints ends =
+      select(counts, each([](IntRegister t) { return t - (t << 8) + kFromAbove; }, both), all(-1));
+  const auto least = [](Bytes a, Bytes b) { return a < b ? a : b; };
+  Bytes all_ends = reinterpret_cast<Bytes>(ends.part[0]);
+  for (int p = 1; p < kParts; ++p)
+    all_ends = least(all_ends, reinterpret_cast<Bytes>(ends.part[p]));
+  const auto fold = [&]<int step, int... i>(std::integer_sequence<int, i...>) {
+    const auto lanes = reinterpret_cast<IntRegister>(all_ends);  // with those `step` beside them
+    all_ends = least(all_ends, reinterpret_cast<Bytes>(__builtin_shufflevector(
+                                   lanes, lanes, ((i ^ step) % kWidth)...)));
+  };
+  constexpr auto kEvery = std::make_integer_sequence<int, kWidth>();
+  fold.template operator()<8>(kEvery);  // nothing where a register has no more than eight
+  fold.template operator()<4>(kEvery);
+  fold.template operator()<2>(kEvery);
+  fold.template operator()<1>(kEvery);
+  const auto end = [&](int byte) { return static_cast<std::uint16_t>(all_ends[byte]); };
+  const auto from_above = [&](int byte) { return static_cast<std::uint16_t>(0xFF - end(byte)); };
+  return {end(0), from_above(1), end(2), from_above(3)};
+}
 
 void place(const PlaceFrame& f, std::span<const surface::TexelPacket> packets,
            std::span<PlacePacket> places, std::span<SightPacket> sights) {
+  std::size_t first = 0;  // of the packets that are alike
   for (std::size_t p = 0; p < packets.size(); ++p) {
     const surface::TexelPacket& packet = packets[p];
     PlacePacket& out = places[p];
@@ -36,29 +48,36 @@ void place(const PlaceFrame& f, std::span<const surface::TexelPacket> packets,
     store(out.cosine, cosine);
     store(out.weight, weight);
     out.tiles = {};
-    if (!any(faces)) continue;
-    add_to(sights[p].facing, weight);
-    const Floats dx = load(packet.px) - f.middle.x, dy = load(packet.py) - f.middle.y,
-                 dz = load(packet.pz) - f.middle.z;
-    const auto along = [&](Vec3f axis) { return dx * axis.x + dy * axis.y + dz * axis.z; };
-    const Floats x = along(f.right) + f.middle_pixel, y = along(f.down) + f.middle_pixel;
-    store(out.x, x);
-    store(out.y, y);
-    store(out.depth, along(f.forward) * f.per_step + f.middle_depth);
-    // All of a target lies inside a view, so no place is negative.
-    const auto tiles = [&](const Floats& at) {
-      return IntRange(to_int(at * (1.0F / kTileEdge)), faces, f.last_tile);
-    };
-    const IntRange tx = tiles(x), ty = tiles(y);
-    out.tiles = {static_cast<std::uint16_t>(tx.least), static_cast<std::uint16_t>(tx.largest),
-                 static_cast<std::uint16_t>(ty.least), static_cast<std::uint16_t>(ty.largest)};
+    if (any(faces)) {
+      add_to(sights[p].facing, weight);
+      const Floats dx = load(packet.px) - f.middle.x, dy = load(packet.py) - f.middle.y,
+                   dz = load(packet.pz) - f.middle.z;
+      const auto along = [&](Vec3f axis) { return dx * axis.x + dy * axis.y + dz * axis.z; };
+      const Floats x = along(f.right) + f.middle_pixel, y = along(f.down) + f.middle_pixel;
+      store(out.x, x);
+      store(out.y, y);
+      store(out.depth, along(f.forward) * f.per_step + f.middle_depth);
+      // All of a target lies inside a view, so no place is negative.
+      const auto tile = [&](const Floats& at) {
+        const Ints whole = to_int(at * (1.0F / kTileEdge));
+        return select(whole < f.last_tile, whole, all(f.last_tile));
+      };
+      out.tiles = tiles_of(tile(x), tile(y), faces);
+    }
+    if (p == 0 || !(out.tiles == places[first].tiles)) {
+      first = p;
+      out.alike = 0;
+    }
+    ++places[first].alike;
   }
 }
 
 /// Two samples of 16 bits each of sixteen lanes.
 inline Floats low(const Ints& pairs) { return to_float(pairs & all(0xFFFF)); }
 inline Floats high(const Ints& pairs) {
-  return to_float(each([](IntRegister x) { return x >> 16; }, pairs) & all(0xFFFF));
+  using Unsigned = std::uint32_t __attribute__((vector_size(4 * kWidth)));
+  const auto upper = [](IntRegister x) { return (IntRegister)((Unsigned)x >> 16); };
+  return to_float(each(upper, pairs));
 }
 
 /// What a row of the tile has for each of sixteen lanes: two pixels side by side, as they lie in
@@ -153,7 +172,8 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
 
   // Colours are those of what is there: each counts by its alpha.
   Floats colours[3] = {all(0.0F), all(0.0F), all(0.0F)}, alpha = all(0.0F);
-  Floats before = all(-1e30F), depths = all(0.0F), of_depths = all(0.0F);
+  constexpr float kFarBehind = -1e30F;
+  Floats before = all(kFarBehind), depths = all(0.0F), of_depths = all(0.0F);
   RowLanes rows[2];
   for (int lane = 0; lane < kLanes; ++lane) {
     for (int row = 0; row < 2; ++row)
@@ -167,7 +187,8 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
     alpha = alpha + share;
     const Floats scene = own[4], nearer = depth - scene;
     const Ints is_there = scene < static_cast<float>(kNoDepth);
-    before = select(is_there & (before < nearer), nearer, before);
+    const Floats there = select(is_there, nearer, all(kFarBehind));
+    before = select(before < there, there, before);
     depths = depths + select(is_there, part * scene, all(0.0F));
     of_depths = of_depths + select(is_there, part, all(0.0F));
   };
@@ -185,9 +206,6 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
 
   const Floats per_alpha = 1.0F / select(here, alpha, all(1.0F));
   for (Floats& colour : colours) colour = colour * per_alpha;
-  const Ints luma = rounded(
-      at_most((colours[0] + 2.0F * colours[1] + colours[2]) * (kLumaSteps / (4 * kColourSteps)),
-              kLumaSteps));
   const Ints has_depth = of_depths > 0.0F;
   const Floats away = select(has_depth, depth - depths / of_depths, all(0.0F)),
                outside = away * load(place.cosine);
@@ -197,10 +215,14 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
     add_to(sums.weight, w);
     for (int c = 0; c < 3; ++c) add_to(sums.colour[c], w * rounded(colours[c]));
     add_to(sums.alpha, w * rounded(at_most(alpha, kAlphaSteps)));
+    add_to(sums.away, w * whole_outside);
+    if (!limits.tells_confidence) return;
+    add_to(sums.off, w * rounded(at_most(absolute(away), 65534.0F)));
+    const Ints luma = rounded(
+        at_most((colours[0] + 2.0F * colours[1] + colours[2]) * (kLumaSteps / (4 * kColourSteps)),
+                kLumaSteps));
     add_to(sums.luma, w * luma);
     add_to(sums.luma_squares, w * luma * luma);
-    add_to(sums.away, w * whole_outside);
-    add_to(sums.off, w * rounded(at_most(absolute(away), 65534.0F)));
   };
   const Ints hides = here & (before > limits.hidden);
   add(sight.clear, select(hides, all(0), here));
@@ -212,17 +234,33 @@ inline bool meets(const TileRange& range, const ViewTiles& tiles) {
          tiles.tile_y >= range.y0 && tiles.tile_y <= range.y1;
 }
 
+/// Calls `look` for each packet that may have texels in the tile until it says that it is enough.
+template <class Look>
+bool any_met(const ViewTiles& tiles, std::span<const PlacePacket> places, const Look& look) {
+  for (std::size_t p = 0; p < places.size();) {
+    const std::size_t end = p + places[p].alike;
+    if (!meets(places[p].tiles, tiles)) {
+      p = end;
+      continue;
+    }
+    for (; p < end; ++p) {
+      if (look(p)) return true;
+    }
+  }
+  return false;
+}
+
 bool sees(const SightLimits& limits, const ViewTiles& tiles, std::span<const PlacePacket> places) {
-  return std::any_of(places.begin(), places.end(), [&](const PlacePacket& place) {
-    if (!meets(place.tiles, tiles)) return false;
-    const InTile in(tiles, place);
-    return any(in.here & on_target(limits, tiles, load(place.depth), in));
+  return any_met(tiles, places, [&](std::size_t p) {
+    const InTile in(tiles, places[p]);
+    return any(in.here & on_target(limits, tiles, load(places[p].depth), in));
   });
 }
 
 void gather(const SightLimits& limits, const ViewTiles& tiles, std::span<const PlacePacket> places,
             std::span<SightPacket> sights) {
-  for (std::size_t p = 0; p < places.size(); ++p) {
-    if (meets(places[p].tiles, tiles)) gather_packet(limits, tiles, places[p], sights[p]);
-  }
+  any_met(tiles, places, [&](std::size_t p) {
+    gather_packet(limits, tiles, places[p], sights[p]);
+    return false;
+  });
 }

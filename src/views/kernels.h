@@ -73,14 +73,14 @@ struct ViewKernels {
   /// last as they are.
   void (*draw_depths)(std::span<const DepthTriangle> triangles, TargetDepths& depths);
   /// Where packets of texels lie in a view; adds to `sights` how much they face it. Of packets that
-  /// do not, only the cosines, the weights and the empty range of tiles are set.
+  /// do not, only the cosines, the weights, the empty range of tiles and `alike` are set.
   void (*place)(const PlaceFrame& frame, std::span<const surface::TexelPacket> packets,
                 std::span<PlacePacket> places, std::span<SightPacket> sights);
   /// Does the target's surface, in one tile of a view, lie about where some texel does? Else
-  /// gather() adds nothing. Needs no scene.
+  /// gather() adds nothing. Needs no scene. `places`: all that one place() has made.
   bool (*sees)(const SightLimits& limits, const ViewTiles& tiles,
                std::span<const PlacePacket> places);
-  /// Adds to texels what one tile of a view shows where they lie in it.
+  /// Adds to texels what one tile of a view shows where they lie in it. `places` as in sees().
   void (*gather)(const SightLimits& limits, const ViewTiles& tiles,
                  std::span<const PlacePacket> places, std::span<SightPacket> sights);
 };

@@ -331,6 +331,21 @@ TEST_CASE("evidence tells what views agree about", "[flow]") {
   const double first = away[0] / counts[0], second = away[1] / counts[1];
   CHECK(first == Approx(0.015).margin(0.015));
   CHECK(second - first == Approx(0.1).margin(0.02));
+  // Whether the confidence is an output decides nothing else, nor which texels are sure enough.
+  std::vector<std::vector<std::byte>> distances;
+  for (const double least : {kDefaultMinConfidence, 0.5}) {
+    options.splats.min_confidence = least;
+    std::vector<std::byte> found[2];
+    for (const bool beside : {true, false}) {
+      options.channels.transferred = {Channel::distance};
+      if (beside) options.channels.transferred.push_back(Channel::confidence);
+      flow::transfer(options, {});
+      found[beside ? 1 : 0] = read_whole(posix_file_system(), folder.file("distance.exr"));
+    }
+    CHECK(found[0] == found[1]);
+    distances.push_back(found[0]);
+  }
+  CHECK(distances[0] != distances[1]);
 }
 
 }  // namespace pounce::test

@@ -9,22 +9,29 @@
 namespace pounce::flow {
 namespace {
 
-void look_around(const SceneViews& views, const ColourCache& of_scene, const ColourCache& of_target,
+/// Of the scene's views what one look at them needs.
+struct Look {
+  const SceneViews& views;
+  const views::SightLimits& limits;
+  bool backwards;
+};
+
+void look_around(const Look& look, const ColourCache& of_scene, const ColourCache& of_target,
                  std::span<const surface::TexelPacket> packets,
-                 std::span<views::SightPacket> sights, bool backwards) {
+                 std::span<views::SightPacket> sights) {
+  const SceneViews& views = look.views;
   std::vector<views::PlacePacket> places;
   const std::uint32_t across = views.grid.tiles_across(), last_view = views.grid.views() - 1;
   std::vector<char> tiles(std::size_t{across} * across);  // of a view: some texel may lie there
   for (std::uint32_t i = 0; i <= last_view; ++i) {
-    const std::uint32_t view = backwards ? last_view - i : i;
+    const std::uint32_t view = look.backwards ? last_view - i : i;
     views::place(views.grid, view, *views.kernels, packets, places, sights);
     std::fill(tiles.begin(), tiles.end(), false);
-    views::TileRange last;  // most packets lie where the one before does
-    for (const views::PlacePacket& place : places) {
-      if (place.tiles == last) continue;
-      last = place.tiles;
-      for (std::uint32_t y = last.y0; y <= last.y1; ++y) {
-        for (std::uint32_t x = last.x0; x <= last.x1; ++x)
+    for (std::size_t p = 0; p < places.size(); p += places[p].alike) {
+      const views::TileRange& range = places[p].tiles;
+      if (range.empty()) continue;
+      for (std::uint32_t y = range.y0; y <= range.y1; ++y) {
+        for (std::uint32_t x = range.x0; x <= range.x1; ++x)
           tiles[y * std::size_t{across} + x] = true;
       }
     }
@@ -42,26 +49,26 @@ void look_around(const SceneViews& views, const ColourCache& of_scene, const Col
         auto shown = of_scene.kept_block(scene);
         if (shown == nullptr) {
           // Most of what faces an eye is hidden from it by the target: a fifth of the bytes tells.
-          if (!views.kernels->sees(views.limits, tile, places)) continue;
+          if (!views.kernels->sees(look.limits, tile, places)) continue;
           shown = of_scene.block(scene);
         }
         tile.scene = samples_of(*shown);
-        views.kernels->gather(views.limits, tile, places, sights);
+        views.kernels->gather(look.limits, tile, places, sights);
       }
     }
   }
 }
 
 /// What no view has seen, or none unhidden, is looked for inside of the target.
-void look_inside(const SceneViews& views, std::span<const surface::TexelPacket> packets,
-                 std::span<views::SightPacket> sights, bool backwards) {
+void look_inside(const Look& look, std::span<const surface::TexelPacket> packets,
+                 std::span<views::SightPacket> sights) {
   std::vector<surface::TexelPacket> left;
   for (std::size_t first = 0; first < packets.size(); first += SceneViews::kInsideAtOnce) {
     const auto own =
         sights.subspan(first, std::min(SceneViews::kInsideAtOnce, packets.size() - first));
     left.assign(&packets[first], &packets[first] + own.size());
     if (views::drop_clear(left, own))
-      look_around(views, *views.inside_scene, *views.inside_target, left, own, backwards);
+      look_around(look, *look.views.inside_scene, *look.views.inside_target, left, own);
   }
 }
 
@@ -114,17 +121,19 @@ void take_turn(AroundWork& work, bool several, projection::SplatState& rays) {
   work.end = begin_of(end);
 }
 
-void look_around(job::JobContext& job, const SceneViews& views, std::size_t at_once, bool backwards,
-                 AroundWork& work) {
+void look_around(job::JobContext& job, const SceneViews& views, const views::SightLimits& limits,
+                 std::size_t at_once, bool backwards, AroundWork& work) {
+  const Look look{views, limits, backwards};
   work.sights.reserve(work.packets.capacity());  // as other pieces had it
-  work.sights.assign(work.packets.size(), views::SightPacket{});
+  work.sights.clear();
   for (std::size_t first = 0; first < work.packets.size(); first += at_once) {
     job.meter.throw_if_cancelled();
     const std::size_t count = std::min(at_once, work.packets.size() - first);
+    work.sights.resize(first + count);  // cleared as they are needed: in the processor's cache
     const auto packets = std::span(work.packets).subspan(first, count);
     const auto sights = std::span(work.sights).subspan(first, count);
-    look_around(views, *views.scene, *views.target, packets, sights, backwards);
-    if (views.inside_scene) look_inside(views, packets, sights, backwards);
+    look_around(look, *views.scene, *views.target, packets, sights);
+    if (views.inside_scene) look_inside(look, packets, sights);
   }
 }
 

@@ -35,9 +35,10 @@ struct AroundWork {
 void take_turn(AroundWork& work, bool several, projection::SplatState& rays);
 
 /// Looks the packets up in all views: tile by tile, each of which is read once for `at_once` of
-/// them. `backwards`: from the last view on. Pieces that alternate find the tiles that the one
-/// before has left decoded.
-void look_around(job::JobContext& job, const SceneViews& views, std::size_t at_once, bool backwards,
-                 AroundWork& work);
+/// them. `limits`: those of the views, and whether a texel's confidence is asked for. `backwards`:
+/// from the last view on. Pieces that alternate find the tiles that the one before has left
+/// decoded.
+void look_around(job::JobContext& job, const SceneViews& views, const views::SightLimits& limits,
+                 std::size_t at_once, bool backwards, AroundWork& work);
 
 }  // namespace pounce::flow

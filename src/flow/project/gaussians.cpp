@@ -61,16 +61,25 @@ class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::Ra
 
   void blend(Work& work) const {
     projection::count_distances(work.state, request_.limits.max_distance, work.distances);
-    const auto value_of = [&](std::size_t, std::size_t p,
-                              int lane) -> std::optional<shading::TexelValue> {
-      // No Gaussian on the ray is no colour: the texel is not covered, which is not the same as
-      // transparent.
-      const auto colour = projection::ray_colour(work.state.sums[p], lane);
-      if (!colour) return std::nullopt;
-      return shading::TexelValue{*colour, request_.has_alpha ? 4U : 3U, request_.linear,
-                                 request_.has_alpha};
+    double colours[4][surface::kLanes] = {};
+    const auto values_of = [&](std::size_t, std::size_t p) {
+      PacketValues out{0,
+                       {{colours[0], colours[1], colours[2], colours[3]},
+                        request_.has_alpha ? 4U : 3U,
+                        request_.linear,
+                        request_.has_alpha}};
+      for (int lane = 0; lane < surface::kLanes; ++lane) {
+        if (work.state.packets[p].texel[lane] == surface::kNoTexel) continue;
+        // No Gaussian on the ray is no colour: the texel is not covered, which is not the same as
+        // transparent.
+        const auto colour = projection::ray_colour(work.state.sums[p], lane);
+        if (!colour) continue;
+        for (std::size_t c = 0; c < 4; ++c) colours[c][lane] = (*colour)[c];
+        out.found |= std::uint32_t{1} << lane;
+      }
+      return out;
     };
-    blend_blocks(work, work.state.packets, 0, value_of);
+    blend_blocks(work, work.state.packets, 0, values_of);
   }
 
  private:

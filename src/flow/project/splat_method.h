@@ -152,11 +152,16 @@ class SplatMethodBase {
     work.near.clear();
   }
 
-  /// Of packets of the piece from `first` on, those of whole blocks; value_of(c, packet, lane), of
-  /// channel c, is an optional shading::TexelValue: nothing where nothing was met.
-  template <class ValueOf>
+  /// What channel c has of a packet's lanes that are found (a bit each).
+  struct PacketValues {
+    std::uint32_t found = 0;
+    shading::TexelValues values;
+  };
+  /// Of packets of the piece from `first` on, those of whole blocks; values_of(c, packet) are their
+  /// PacketValues, good until it is called again.
+  template <class ValuesOf>
   void blend_blocks(Work& work, std::span<const surface::TexelPacket> packets, std::size_t first,
-                    const ValueOf& value_of) const {
+                    const ValuesOf& values_of) const {
     if (work.stored.empty()) {
       work.stored.assign(channels(), std::vector<std::vector<std::byte>>(work.blocks.size()));
       work.raw_bytes.assign(channels(), 0);
@@ -167,7 +172,7 @@ class SplatMethodBase {
       const std::size_t begin = first, b = packets[first].block;
       while (first < packets.size() && packets[first].block == b) ++first;
       for (std::size_t c = 0; c < channels(); ++c)
-        blend_block(work, c, b, packets.subspan(begin, first - begin), begin, value_of);
+        blend_block(work, c, b, packets.subspan(begin, first - begin), begin, values_of);
     }
   }
 
@@ -251,26 +256,22 @@ class SplatMethodBase {
            sizeof(store::BlockEntry);
   }
 
-  template <class ValueOf>
+  template <class ValuesOf>
   void blend_block(Work& work, std::size_t c, std::size_t b,
                    std::span<const surface::TexelPacket> packets, std::size_t first,
-                   const ValueOf& value_of) const {
+                   const ValuesOf& values_of) const {
+    static_assert(surface::kLanes == shading::kValues);
     const shading::TexelFormat& format = request_.format_of(c);
-    const std::size_t texel_bytes = format.texel_bytes();
     shading::ResultBlock result;
-    result.texels.resize(store::kTexelsPerBlock * texel_bytes);
+    result.texels.resize(store::kTexelsPerBlock * format.texel_bytes());
     std::uint64_t covered = 0;
     for (std::size_t p = 0; p < packets.size(); ++p) {
-      for (int lane = 0; lane < surface::kLanes; ++lane) {
-        const std::uint16_t texel = packets[p].texel[lane];
-        if (texel == surface::kNoTexel) continue;
-        const std::optional<shading::TexelValue> value = value_of(c, first + p, lane);
-        if (!value) continue;
-        work.clipped[c] +=
-            shading::store_texel(format, *value, result.texels.data() + texel * texel_bytes);
-        result.cover(texel);
-        ++covered;
-      }
+      const std::uint16_t(&texel)[surface::kLanes] = packets[p].texel;
+      const PacketValues of_packet = values_of(c, first + p);
+      work.clipped[c] += shading::store_texels(format, of_packet.values, of_packet.found, texel,
+                                               result.texels.data());
+      for (std::uint32_t found = of_packet.found; found != 0; found &= found - 1, ++covered)
+        result.cover(texel[std::countr_zero(found)]);
     }
     work.covered[c] += covered;
     if (covered > 0) finish_block(*job_, format, result, c, b, work);

@@ -17,6 +17,7 @@
 #include "flow/project/splats.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <optional>
 #include <tuple>
@@ -51,6 +52,13 @@ class SplatMethod : public Base {
   SplatMethod(job::JobContext& job, const SplatProjection& request) : Base(job, request) {
     request_.in_turn =
         request_.views != nullptr && !request_.views->stays_decoded && has_small_charts();
+    if (request_.views == nullptr) return;
+    sight_limits_ = request_.views->limits;
+    sight_limits_.tells_confidence = request_.limits.least_confidence > views::kLeastConfidence ||
+                                     std::any_of(request_.outputs.begin(), request_.outputs.end(),
+                                                 [](const SplatOutput& output) {
+                                                   return output.channel == Channel::confidence;
+                                                 });
   }
 
   PieceSize piece_size() const {
@@ -123,28 +131,31 @@ class SplatMethod : public Base {
     // All of a wide piece asks a tile that is decoded for it. Else it is so many packets whose sums
     // stay in the processor's cache while all views go past.
     const std::size_t at_once = request_.in_turn ? work.around.packets.size() : most_packets();
-    look_around(*job_, *request_.views, at_once, work.index % 2 == 1, work.around);
+    look_around(*job_, *request_.views, sight_limits_, at_once, work.index % 2 == 1, work.around);
     take_turn(work.around, request_.in_turn, work.state);
     projection::start(request_.limits, work.state);
   }
 
   /// Those whose turn it is.
   void blend(Work& work) const {
-    // Of the last packet that was asked for: sixteen lanes ask, one after the other.
+    // Of the last packet that was asked for: all channels of a small block ask for it.
     std::size_t of_packet = std::max(work.around.packets.size(), work.state.packets.size());
     projection::SplatFindings found;
+    Values values;
     const auto blend = [&](std::span<const surface::TexelPacket> packets, std::size_t first,
                            const auto& find) {
-      blend_blocks(
-          work, packets, first,
-          [&](std::size_t c, std::size_t p, int lane) -> std::optional<shading::TexelValue> {
-            if (p != of_packet) found = find(p);
-            of_packet = p;
-            const auto& finding = found[static_cast<std::size_t>(lane)];
-            if (!finding) return std::nullopt;
-            if (c == 0) count(finding->distance, work);
-            return value(request_.outputs[c], *finding);
-          });
+      blend_blocks(work, packets, first, [&](std::size_t c, std::size_t p) {
+        if (p != of_packet) {
+          found = find(p);
+          of_packet = p;
+          const std::uint16_t(&texel)[surface::kLanes] = packets[p].texel;
+          for (std::size_t lane = 0; lane < surface::kLanes; ++lane) {
+            if (texel[lane] == surface::kNoTexel) found.drop(lane);
+          }
+        }
+        if (c == 0) count(found, work);
+        return PacketValues{found.found, values_of(request_.outputs[c], found, values)};
+      });
     };
     const auto along_normals = [&](std::size_t p) {
       return projection::findings(request_.limits, work.state, p);
@@ -155,18 +166,16 @@ class SplatMethod : public Base {
       const auto& texels = work.around.packets[p].texel;
       const SceneViews& views = *request_.views;
       projection::SplatFindings seen =
-          views::sights_of(views.grid, views.limits, work.around.sights[p]);
-      projection::SplatFindings ray;
-      bool has_ray = false;
-      for (std::size_t lane = 0; lane < seen.size(); ++lane) {
+          views::sights_of(views.grid, sight_limits_, work.around.sights[p]);
+      std::optional<projection::SplatFindings> ray;
+      for (std::size_t lane = 0; lane < surface::kLanes; ++lane) {
         if (texels[lane] == surface::kNoTexel) continue;
-        if (seen[lane]) {
-          if (seen[lane]->confidence < request_.limits.least_confidence) seen[lane].reset();
+        if (seen.has(lane)) {
+          if (seen.confidence[lane] < request_.limits.least_confidence) seen.drop(lane);
           continue;
         }
-        if (!has_ray) ray = along_normals(work.around.ray[p]);
-        has_ray = true;
-        seen[lane] = ray[lane];
+        if (!ray) ray = along_normals(work.around.ray[p]);
+        seen.take(lane, *ray);
       }
       return seen;
     });
@@ -180,23 +189,49 @@ class SplatMethod : public Base {
   }
 
  private:
-  void count(double distance, Work& work) const {
-    projection::count_distance(static_cast<float>(std::abs(distance)), request_.limits.reach,
-                               work.distances);
+  /// Numbers that values_of() computes.
+  struct Values {
+    double v[4][surface::kLanes];
+  };
+
+  void count(const projection::SplatFindings& found, Work& work) const {
+    for (std::uint32_t lanes = found.found; lanes != 0; lanes &= lanes - 1) {
+      const double distance = found.distance[std::countr_zero(lanes)];
+      projection::count_distance(static_cast<float>(std::abs(distance)), request_.limits.reach,
+                                 work.distances);
+    }
   }
 
-  shading::TexelValue value(const SplatOutput& output,
-                            const projection::SplatFinding& found) const {
-    const Channel channel = output.channel;
-    if (channel == Channel::confidence) return {{found.confidence * request_.fit}, 1};
-    if (channel == Channel::distance) return {{found.distance}, 1};
-    const auto& c = found.colour;
-    shading::TexelValue colour{{c[0], c[1], c[2], found.opacity},
-                               request_.alpha ? 4U : 3U,
-                               request_.linear,
-                               request_.alpha};
-    if (output.input) shading::apply(*output.input, colour);
-    return colour;
+  /// Of one channel. Points to what was found, or to `values`.
+  shading::TexelValues values_of(const SplatOutput& output, const projection::SplatFindings& found,
+                                 Values& values) const {
+    if (output.channel == Channel::distance) return {{found.distance}, 1};
+    if (output.channel == Channel::confidence) {
+      for (std::size_t lane = 0; lane < surface::kLanes; ++lane)
+        values.v[0][lane] = found.confidence[lane] * request_.fit;
+      return {{values.v[0]}, 1};
+    }
+    shading::TexelValues colours{{found.colour[0], found.colour[1], found.colour[2], found.opacity},
+                                 request_.alpha ? 4U : 3U,
+                                 request_.linear,
+                                 request_.alpha};
+    if (output.input) {
+      shading::TexelValue colour;
+      for (std::uint32_t lanes = found.found; lanes != 0; lanes &= lanes - 1) {
+        const auto lane = static_cast<std::size_t>(std::countr_zero(lanes));
+        colour = {{}, colours.channels, colours.linear, colours.has_alpha};
+        for (std::size_t c = 0; c < 4; ++c) colour.v[c] = colours.v[c][lane];
+        shading::apply(*output.input, colour);
+        for (std::size_t c = 0; c < 4; ++c) values.v[c][lane] = colour.v[c];
+      }
+      if (found.found != 0)
+        colours = {{values.v[0], values.v[1], values.v[2], values.v[3]},
+                   colour.channels,
+                   colour.linear,
+                   colour.has_alpha,
+                   colour.is_final};
+    }
+    return colours;
   }
 
   std::vector<Box3f> boxes(const Work& work) const {
@@ -247,6 +282,8 @@ class SplatMethod : public Base {
     work.pass = Pass::sum;
     work.walk.emplace(*request_.source, boxes(work));
   }
+
+  views::SightLimits sight_limits_;  ///< of a scene that is seen from all around
 };
 
 }  // namespace

@@ -149,12 +149,13 @@ void shuffle_of(const std::byte* __restrict elements, std::size_t count,
 }
 
 // Every block that is read goes through one of these: the two widths that stores use, written out.
-void unshuffle2(const std::byte* __restrict planes, std::size_t count,
-                std::byte* __restrict elements) {
+/// Two planes become two bytes of each element; the next begins `stride` bytes behind.
+inline void unshuffle2(const std::byte* __restrict planes, std::size_t count,
+                       std::byte* __restrict elements, std::size_t stride) {
   for (std::size_t i = 0; i < count; ++i) {
     const auto value = static_cast<std::uint16_t>(
         std::to_integer<unsigned>(planes[i]) | std::to_integer<unsigned>(planes[count + i]) << 8);
-    std::memcpy(elements + i * sizeof value, &value, sizeof value);
+    std::memcpy(elements + i * stride, &value, sizeof value);
   }
 }
 
@@ -363,11 +364,13 @@ void unshuffle(std::span<const std::byte> planes, std::size_t element_bytes,
                std::span<std::byte> elements) {
   check_elements(planes.size(), elements.size(), element_bytes);
   const std::size_t count = elements.size() / element_bytes;
-  if (element_bytes == 2) return unshuffle2(planes.data(), count, elements.data());
+  if (element_bytes == 2) return unshuffle2(planes.data(), count, elements.data(), 2);
   if (element_bytes == 4) return unshuffle4(planes.data(), count, elements.data());
-  for (std::size_t k = 0; k < element_bytes; ++k) {
-    for (std::size_t i = 0; i < count; ++i) elements[i * element_bytes + k] = planes[k * count + i];
-  }
+  std::size_t k = 0;
+  for (; k + 1 < element_bytes; k += 2)  // two planes at once: half as many stores
+    unshuffle2(planes.data() + k * count, count, elements.data() + k, element_bytes);
+  for (std::size_t i = 0; k < element_bytes && i < count; ++i)
+    elements[i * element_bytes + k] = planes[k * count + i];
 }
 
 void delta(std::span<std::byte> elements, std::size_t element_bytes, std::size_t stride) {

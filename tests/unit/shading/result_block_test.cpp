@@ -270,3 +270,56 @@ TEST_CASE("a colour goes through a format's transform last, without its alpha an
     CHECK_FALSE(plain.keeps(image));
   }
 }
+
+TEST_CASE("sixteen values are stored as each alone", "[shading]") {
+  Random random(3);
+  std::size_t plain = 0, clipped = 0;
+  for (int round = 0; round < 4000; ++round) {
+    TexelFormat format;
+    format.channels = static_cast<std::uint32_t>(random.whole(1, 4));
+    format.depth =
+        random.one_in(2) ? Depth::u8 : Depth{static_cast<std::uint8_t>(random.whole(0, 3))};
+    format.linear = random.one_in(3);
+    format.is_colour = !random.one_in(3);
+    format.has_alpha = (format.channels == 2 || format.channels == 4) && random.one_in(2);
+    format.premultiplied = format.has_alpha && format.depth == Depth::half;
+    std::array<std::array<double, kValues>, 4> numbers;
+    for (auto& row : numbers) {
+      for (double& v : row) {
+        constexpr double kOdd[] = {-0.0, 1.0, 0.5 / 255, 254.5 / 255, 255.5 / 255, -0.5 / 255};
+        v = random.between(-0.1, 1.2);
+        if (random.one_in(4)) v = kOdd[random.below(std::size(kOdd))];
+        if (random.one_in(40)) v = std::nan("");
+        if (random.one_in(40)) v = random.one_in(2) ? 1e300 : -HUGE_VAL;
+        if (random.one_in(4)) v = (static_cast<double>(random.whole(0, 255)) + 0.5) / 255;
+      }
+    }
+    TexelValues values;
+    for (std::size_t c = 0; c < 4; ++c) values.v[c] = numbers[c].data();
+    values.channels =
+        random.one_in(2) ? format.channels : static_cast<std::uint32_t>(random.whole(1, 4));
+    values.linear = random.one_in(3);
+    values.has_alpha = (values.channels == 2 || values.channels == 4) && random.one_in(2);
+    values.is_final = random.one_in(2);
+    const auto lanes = static_cast<std::uint32_t>(random.below(1U << kValues));
+    std::uint16_t texel[kValues];
+    for (std::size_t i = 0; i < kValues; ++i) texel[i] = static_cast<std::uint16_t>(i * 7 % 31);
+    const std::size_t size = format.texel_bytes();
+    std::vector<std::byte> expected(31 * size, std::byte{0xCD}), found = expected;
+    std::uint32_t count = 0;
+    for (std::size_t i = 0; i < kValues; ++i) {
+      if ((lanes >> i & 1) == 0) continue;
+      TexelValue value{{},    values.channels, values.linear, values.has_alpha,
+                       false, values.is_final};
+      for (std::size_t c = 0; c < values.channels; ++c) value.v[c] = numbers[c][i];
+      count += store_texel(format, value, &expected[texel[i] * size]);
+    }
+    CHECK(store_texels(format, values, lanes, texel, found.data()) == count);
+    CHECK(found == expected);
+    clipped += count;
+    const bool alike = format.channels == values.channels && format.linear == values.linear;
+    plain += format.depth == Depth::u8 && alike && format.has_alpha == values.has_alpha ? 1 : 0;
+  }
+  CHECK(plain > 300);
+  CHECK(clipped > 1000);
+}

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "views/gather.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
@@ -195,6 +196,7 @@ TEST_CASE("kernels see the same bits, lane by lane", "[views]") {
   std::vector<PlacePacket> places(40);
   for (PlacePacket& place : places) {
     place.tiles = {kTile, kTile, kTile, kTile};
+    place.alike = 1;
     for (int lane = 0; lane < kLanes; ++lane) {
       place.x[lane] = kTile * kTileEdge + random.between(-2.0F, 66.0F);
       place.y[lane] = kTile * kTileEdge + random.between(-2.0F, 66.0F);
@@ -263,6 +265,31 @@ TEST_CASE("kernels see the same bits, lane by lane", "[views]") {
     std::vector<SightPacket> found(places.size());
     kernels->gather(kLimits, tiles.view, places, found);
     CHECK(std::memcmp(found.data(), expected.data(), found.size() * sizeof found[0]) == 0);
+    // Where nobody asks for the confidence, all else is the same.
+    std::vector<SightPacket> unsure(places.size()), none_of_it = expected;
+    for (SightPacket& packet : none_of_it) {
+      for (SightPacket::Sums* sums : {&packet.clear, &packet.hidden}) {
+        for (auto* of_confidence : {&sums->off, &sums->luma, &sums->luma_squares})
+          std::memset(of_confidence, 0, sizeof *of_confidence);
+      }
+    }
+    SightLimits limits = kLimits;
+    limits.tells_confidence = false;
+    kernels->gather(limits, tiles.view, places, unsure);
+    CHECK(std::memcmp(unsure.data(), none_of_it.data(), unsure.size() * sizeof unsure[0]) == 0);
+    for (std::size_t p = 0; p < places.size(); ++p) {
+      const auto sure = sights_of(grid(), kLimits, expected[p]),
+                 less = sights_of(grid(), limits, unsure[p]);
+      REQUIRE(sure.found == less.found);
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        if (!sure.has(lane)) continue;
+        CHECK(sure[lane]->colour == less[lane]->colour);
+        CHECK(sure[lane]->opacity == less[lane]->opacity);
+        CHECK(sure[lane]->distance == less[lane]->distance);
+        CHECK(sure[lane]->confidence >= kLeastConfidence);
+        CHECK(less[lane]->confidence == kLeastConfidence);
+      }
+    }
     // Without the scene it is known which packets would find nothing.
     ViewTiles target = tiles.view;
     target.scene = nullptr;
@@ -276,6 +303,65 @@ TEST_CASE("kernels see the same bits, lane by lane", "[views]") {
     ++target.tile_x;
     CHECK_FALSE(kernels->sees(kLimits, target, places));
   }
+}
+
+TEST_CASE("packets know their tiles, and those behind that lie in the same", "[views]") {
+  // Groups of packets from one place each; lanes are strewn, or look away.
+  test::Random random(7);
+  std::vector<TexelPacket> packets;
+  while (packets.size() < 400) {
+    const float spread = random.one_in(4) ? 0.5F : 0.02F;
+    const Vec3f at{random.between(-0.8F, 0.8F), random.between(-0.8F, 0.8F),
+                   random.between(-0.8F, 0.8F)};
+    const bool flat = random.one_in(2);
+    for (auto left = random.whole(1, 12); left > 0; --left) {
+      TexelPacket& packet = packets.emplace_back();
+      for (int lane = 0; lane < kLanes; ++lane) {
+        packet.px[lane] = at.x + random.between(-spread, spread);
+        packet.py[lane] = at.y + random.between(-spread, spread);
+        packet.pz[lane] = at.z + random.between(-spread, spread);
+        const bool along_x = flat || random.one_in(2);
+        (along_x ? packet.nx : packet.nz)[lane] = flat || random.one_in(2) ? 1.0F : -1.0F;
+      }
+    }
+  }
+  std::size_t empty = 0, wide = 0, runs = 0;
+  for (const char* isa : {"sse2", "avx2", "avx512"}) {
+    const ViewKernels* kernels = nullptr;
+    if (test::error_kind([&] { kernels = &view_kernels(isa); }) != 0) continue;
+    CAPTURE(isa);
+    for (std::uint32_t view = 0; view < 24; view += 5) {
+      std::vector<PlacePacket> places;
+      std::vector<SightPacket> sights(packets.size());
+      place(grid(), view, *kernels, packets, places, sights);
+      std::vector<TileRange> expected;
+      for (const PlacePacket& own : places) {
+        TileRange& range = expected.emplace_back();
+        for (int lane = 0; lane < kLanes; ++lane) {
+          if (own.weight[lane] == 0) continue;
+          const auto x = static_cast<std::uint16_t>(own.x[lane] / kTileEdge),
+                     y = static_cast<std::uint16_t>(own.y[lane] / kTileEdge);
+          if (range.empty()) range = {x, x, y, y};
+          range = {std::min(range.x0, x), std::max(range.x1, x), std::min(range.y0, y),
+                   std::max(range.y1, y)};
+        }
+        empty += range.empty() ? 1 : 0;
+        wide += range.x1 > range.x0 && range.y1 > range.y0 ? 1 : 0;
+      }
+      for (std::size_t p = 0; p < places.size(); ++runs) {
+        const std::size_t end = p + places[p].alike;
+        REQUIRE(end > p);
+        REQUIRE(end <= places.size());
+        for (std::size_t i = p; i < end; ++i) CHECK(places[i].tiles == expected[p]);
+        for (std::size_t i = p; i < end; ++i) CHECK(expected[i] == expected[p]);
+        if (end < places.size()) CHECK_FALSE(expected[end] == expected[p]);
+        p = end;
+      }
+    }
+  }
+  CHECK(empty > 100);
+  CHECK(wide > 100);
+  CHECK(runs > 100);
 }
 
 TEST_CASE("kernels place texels at the same bits", "[views]") {
