@@ -2,6 +2,7 @@
 #include "flow/project/around.h"
 
 #include <algorithm>
+#include <memory>
 #include <vector>
 
 #include "flow/project/pieces.h"
@@ -16,7 +17,27 @@ struct Look {
   bool backwards;
 };
 
-void look_around(const Look& look, const ColourCache& of_scene, const ColourCache& of_target,
+/// The views' tiles of the scene or of the target.
+struct Tiles {
+  const ColourCache& cache;
+  std::span<const store::ChunkRef> places;  ///< of all; none: the cache knows
+};
+
+/// Where a row of tiles is.
+class TileRow {
+ public:
+  TileRow(const Tiles& tiles, std::uint32_t row, std::size_t across) {
+    if (tiles.places.empty()) held_ = tiles.cache.index(row);
+    places_ = held_ != nullptr ? std::span(*held_) : tiles.places.subspan(row * across, across);
+  }
+  const store::ChunkRef& operator[](std::size_t x) const { return places_[x]; }
+
+ private:
+  std::shared_ptr<const ColourCache::Index> held_;
+  std::span<const store::ChunkRef> places_;
+};
+
+void look_around(const Look& look, const Tiles& of_scene, const Tiles& of_target,
                  std::span<const surface::TexelPacket> packets,
                  std::span<views::SightPacket> sights) {
   const SceneViews& views = look.views;
@@ -39,18 +60,18 @@ void look_around(const Look& look, const ColourCache& of_scene, const ColourCach
       const auto asked = std::span(tiles).subspan(y * std::size_t{across}, across);
       if (std::find(asked.begin(), asked.end(), true) == asked.end()) continue;
       const std::uint32_t row = views.grid.tile_row(view, y);
-      const auto of_row = of_scene.index(row), target_of_row = of_target.index(row);
+      const TileRow of_row(of_scene, row, across), target_of_row(of_target, row, across);
       for (std::uint32_t x = 0; x < across; ++x) {
         // Where there is nothing of the one or the other, no texel is seen.
-        const store::ChunkRef scene = (*of_row)[x], target = (*target_of_row)[x];
+        const store::ChunkRef scene = of_row[x], target = target_of_row[x];
         if (!asked[x] || store::is_left_out(scene) || store::is_left_out(target)) continue;
-        const auto depths = of_target.block(target);
+        const auto depths = of_target.cache.block(target);
         views::ViewTiles tile{x, y, nullptr, samples_of(*depths)};
-        auto shown = of_scene.kept_block(scene);
+        auto shown = of_scene.cache.kept_block(scene);
         if (shown == nullptr) {
           // Most of what faces an eye is hidden from it by the target: a fifth of the bytes tells.
           if (!views.kernels->sees(look.limits, tile, places)) continue;
-          shown = of_scene.block(scene);
+          shown = of_scene.cache.block(scene);
         }
         tile.scene = samples_of(*shown);
         views.kernels->gather(look.limits, tile, places, sights);
@@ -68,7 +89,7 @@ void look_inside(const Look& look, std::span<const surface::TexelPacket> packets
         sights.subspan(first, std::min(SceneViews::kInsideAtOnce, packets.size() - first));
     left.assign(&packets[first], &packets[first] + own.size());
     if (views::drop_clear(left, own))
-      look_around(look, *look.views.inside_scene, *look.views.inside_target, left, own);
+      look_around(look, {*look.views.inside_scene, {}}, {*look.views.inside_target, {}}, left, own);
   }
 }
 
@@ -132,7 +153,8 @@ void look_around(job::JobContext& job, const SceneViews& views, const views::Sig
     work.sights.resize(first + count);  // cleared as they are needed: in the processor's cache
     const auto packets = std::span(work.packets).subspan(first, count);
     const auto sights = std::span(work.sights).subspan(first, count);
-    look_around(look, *views.scene, *views.target, packets, sights);
+    look_around(look, {*views.scene, views.scene_tiles}, {*views.target, views.target_tiles},
+                packets, sights);
     if (views.inside_scene) look_inside(look, packets, sights);
   }
 }

@@ -51,7 +51,7 @@ meshing::Surface welded(const mesh::Mesh& mesh) {
 HeavyModel read_heavy(job::JobContext& job, const TransferOptions& options,
                       const MeshShape& shape) {
   const std::string& path = options.source;
-  const io::MeshCost cost = io::mesh_cost(path, {options.allow_external}, job.budget.limit());
+  const io::MeshCost cost = io::mesh_cost(path, {options.allow_external, {}}, job.budget.limit());
   require_early(job, {cost.peak_bytes, "reading " + path}, 0);
   HeavyModel made{
       planning::place_mesh(path, options.source_use, "source", options.allow_external), {}, {}, {}};

@@ -290,6 +290,29 @@ void draw_targets(job::JobContext& job, const mesh::Mesh& target, SceneViews& ou
 
 }  // namespace
 
+namespace {
+
+/// Where the tiles are, in memory as long as the views.
+void hold_places(job::JobContext& job, SceneViews& out) {
+  const store::ColourDirectory image = out.grid.image(views::kSceneSamples);
+  const std::uint64_t tiles = std::uint64_t{image.tiles_x()} * image.tiles_y();
+  out.tiles_lease = runtime::Lease(job.budget, 2 * tiles * sizeof(store::ChunkRef),
+                                   "the places of the views' tiles");
+  const auto places_of = [&](const ColourCache& cache) {
+    std::vector<store::ChunkRef> places;
+    places.reserve(tiles);
+    for (std::uint32_t row = 0; row < image.tiles_y(); ++row) {
+      const auto index = cache.index(row);
+      places.insert(places.end(), index->begin(), index->end());
+    }
+    return places;
+  };
+  out.scene_tiles = places_of(*out.scene);
+  out.target_tiles = places_of(*out.target);
+}
+
+}  // namespace
+
 std::unique_ptr<ColourCache> drawn_scene(job::JobContext& job, const ViewsRequest& request,
                                          const views::Grid& grid, bool* cached) {
   auto scene = SceneDrawing(job, request, grid, 0).make(cached);
@@ -324,6 +347,7 @@ SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const 
     out.go_with_it.push_back(std::make_unique<job::ScratchPack>(job, store::PackKind::colour, key));
   draw_targets(job, target, out);
   if (out.inside_target) out.inside_scene = drawing.make_inside(*out.inside_target);
+  if (out.stays_decoded) hold_places(job, out);
   job.meter.end(cached);
   return out;
 }

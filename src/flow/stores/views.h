@@ -9,6 +9,8 @@
 #include "flow/stores/block_readers.h"
 #include "job/job_context.h"
 #include "mesh/mesh.h"
+#include "runtime/memory_budget.h"
+#include "store/pack/pack.h"
 #include "views/draw.h"
 #include "views/gather.h"
 #include "views/grid.h"
@@ -27,6 +29,10 @@ struct SceneViews {
   std::unique_ptr<ColourCache> inside_scene = nullptr, inside_target = nullptr;
   std::vector<std::unique_ptr<job::ScratchPack>> go_with_it = {};
   bool stays_decoded = false;  ///< all tiles have room in half of the budget
+  /// Then: where these tiles are, row by row. To ask a cache that all threads share takes as long
+  /// as to look up a few texels.
+  std::vector<store::ChunkRef> scene_tiles = {}, target_tiles = {};
+  runtime::Lease tiles_lease = {};
 
   /// Packets that look inside of the target at once.
   static constexpr std::size_t kInsideAtOnce = 64;
