@@ -3,7 +3,10 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cstdio>
+#include <vector>
 
 #include "core/posix_io.h"
 
@@ -28,9 +31,15 @@ NamelessFile::NamelessFile(const std::string& folder) : folder_(folder) {
 NamelessFile::~NamelessFile() { std::fclose(stream_); }
 
 void NamelessFile::flush() {
-  errno = 0;
-  const bool has_failed = std::fflush(stream_) != 0 || std::ferror(stream_) != 0;
-  if (has_failed) fail_to_change(folder_, "write a scratch file", errno);
+  if (std::ferror(stream_) == 0 && std::fflush(stream_) == 0) return;
+  // What failed may be long ago, and nobody has kept the reason: whoever writes a page now is told
+  // it again.
+  const std::vector<char> page(4096);
+  const int file = ::fileno(stream_);
+  const off_t end = ::lseek(file, 0, SEEK_END);
+  const ssize_t put = ::pwrite(file, page.data(), page.size(), std::max<off_t>(end, 0));
+  fail_to_change(folder_, "write a scratch file",
+                 put == static_cast<ssize_t>(page.size()) ? EIO : errno);
 }
 
 }  // namespace pounce

@@ -139,6 +139,7 @@ void make_textured(job::JobContext& job, const TexturedMeshOptions& options, boo
     return bytes;
   };
   const TransferOptions transfer = onto(file.path(), options, is_scene);
+  job.merges_materials = !options.shape.keep_uvs;
   if (options.shape.keep_uvs) {
     write_with_own_uvs(job, transfer, options.shape, kAfterMesh, write);
   } else {

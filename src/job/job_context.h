@@ -72,7 +72,8 @@ struct JobContext {
   unsigned threads = 1;
   std::string cache_folder;  ///< "" without a cache
   bool plan_only = false;
-  bool begins_again = false;  ///< an attempt before this one met a damaged pack
+  bool begins_again = false;      ///< an attempt before this one met a damaged pack
+  bool merges_materials = false;  ///< of a source mesh, into one of the target that is made of it
   /// How long a step takes before what it has made is kept for a later run.
   std::chrono::milliseconds keeps_results_after = std::chrono::seconds(1);
   bool keeps_hits = true;                 ///< in the cache: of the page that is being made

@@ -70,6 +70,8 @@ struct Material {
   float occlusion_strength = 1, emissive_strength = 1;
   bool double_sided = false;
   bool is_opaque = false;  ///< its alpha means nothing, by the file (glTF's alphaMode OPAQUE)
+  std::optional<float> alpha_cutoff;  ///< its alpha is a mask, by the file (alphaMode MASK)
+  bool is_pbr = false;                ///< roughness and metallic factors are the file's; not of OBJ
   std::vector<OtherTexture> other_textures;
 };
 

@@ -17,17 +17,20 @@ struct MeshPlanning {
   const mesh::Mesh& source;
   const bool as_gaussians;  ///< its texels become Gaussians
   const bool for_model;     ///< the images go into a model
+  const bool merges;        ///< all of the source's materials become one
   SourcePlan plan;
   ColourSpaces spaces;
   SourceImages images;
   std::vector<bool> used;  ///< by material: triangles really use it
 
   MeshPlanning(const TransferOptions& options, const mesh::Mesh& source, TexelsAs as,
-               bool for_model);
+               bool for_model, bool merges);
   bool is_baked(Channel channel) const;
   /// Do the colours of the source's vertices multiply a channel? No output but these images can
   /// show them: a model has the vertices of the target.
   bool is_tinted(Channel channel) const;
+  /// Do materials that become one differ by constants where none has an image?
+  bool is_told_apart(Channel channel) const;
   std::string name_of(Channel channel) const { return channel_name(options, channel); }
 };
 

@@ -208,9 +208,10 @@ enum class TexelsAs : std::uint8_t { surface, gaussians };
 /// Decides what a transfer reads of a source mesh, from it and the headers of its images: channels,
 /// sizes, passes. Throws what a user must hear before any work is done: missing UVs or textures,
 /// formats that cannot hold the result. `for_model`: the images, which `options` name, go into a
-/// model, of whose material the factors may be.
+/// model, of whose material the factors may be. `merges`: all of the source's materials become one,
+/// so that an image holds what they differ by, be it a constant.
 SourcePlan plan_mesh(const TransferOptions& options, const mesh::Mesh& source, TexelsAs as,
-                     bool for_model);
+                     bool for_model, bool merges = false);
 
 /// The same for a splat scene, from its headers. Throws Error(input) for channels that a scene does
 /// not have.

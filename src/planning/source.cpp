@@ -23,6 +23,7 @@
 #include "planning/known_map.h"
 #include "planning/mesh_planning.h"
 #include "planning/name_patterns.h"
+#include "planning/texture_meaning.h"
 #include "projection/hit_block.h"
 
 namespace pounce::planning {
@@ -53,8 +54,8 @@ bool has_surface(const mesh::Mesh& mesh) {
 class SourcePlanner {
  public:
   SourcePlanner(const TransferOptions& options, const mesh::Mesh& source, TexelsAs as,
-                bool for_model)
-      : planning_(options, source, as, for_model),
+                bool for_model, bool merges)
+      : planning_(options, source, as, for_model, merges),
         options_(options),
         source_(source),
         plan_(planning_.plan) {}
@@ -128,7 +129,7 @@ class SourcePlanner {
   }
 
   bool source_has(Channel channel) const {
-    if (planning_.is_tinted(channel)) return true;
+    if (planning_.is_tinted(channel) || planning_.is_told_apart(channel)) return true;
     for (std::size_t m = 0; m < planning_.used.size(); ++m) {
       if (planning_.used[m] && planning_.images.binding(m, channel)) return true;
     }
@@ -390,14 +391,31 @@ class SourcePlanner {
 }  // namespace
 
 MeshPlanning::MeshPlanning(const TransferOptions& of_options, const mesh::Mesh& of_source,
-                           TexelsAs as, bool into_model)
+                           TexelsAs as, bool into_model, bool merges_materials)
     : options(of_options),
       source(of_source),
       as_gaussians(as == TexelsAs::gaussians),
       for_model(into_model),
+      merges(merges_materials),
       spaces(of_options, into_model),
       images(of_options, of_source, plan),
       used(used_materials(of_source)) {}
+
+bool MeshPlanning::is_told_apart(Channel channel) const {
+  if (!merges || !options.material.apply_factors) return false;
+  // Of the others an image says more than a constant could.
+  if (channel != Channel::base_color && channel != Channel::metallic_roughness &&
+      channel != Channel::emissive)
+    return false;
+  std::optional<std::array<float, 4>> first;
+  for (std::size_t m = 0; m < used.size(); ++m) {
+    if (!used[m]) continue;
+    const std::array<float, 4> own = material_factor(source.materials[m], channel);
+    if (first && *first != own) return true;
+    first = own;
+  }
+  return false;
+}
 
 bool MeshPlanning::is_baked(Channel channel) const {
   const std::vector<Channel>& baked = options.channels.baked;
@@ -433,8 +451,8 @@ TangentPlan target_tangents(const TransferOptions& options, const mesh::Mesh& ta
 }
 
 SourcePlan plan_mesh(const TransferOptions& options, const mesh::Mesh& source, TexelsAs as,
-                     bool for_model) {
-  return SourcePlanner(options, source, as, for_model).make();
+                     bool for_model, bool merges) {
+  return SourcePlanner(options, source, as, for_model, merges).make();
 }
 
 }  // namespace pounce::planning

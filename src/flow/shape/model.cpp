@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
+#include <set>
 #include <tuple>
 #include <vector>
 
@@ -14,6 +16,7 @@
 #include "planning/load_mesh.h"
 #include "planning/name_patterns.h"
 #include "planning/plan.h"
+#include "planning/texture_meaning.h"
 
 namespace pounce::flow {
 namespace {
@@ -46,7 +49,50 @@ meshing::Surface welded(const mesh::Mesh& mesh) {
   return surface;
 }
 
+/// What all materials share that triangles use, where they become one. What they differ by is in an
+/// image.
+io::PlainLook common_look(const mesh::Mesh& mesh) {
+  const std::set<std::uint32_t> used(mesh.triangle_material.begin(), mesh.triangle_material.end());
+  std::optional<io::PlainLook> common;
+  for (const std::uint32_t m : used) {
+    const io::PlainLook own = look_of(mesh.materials[m]);
+    if (!common) common = own;
+    const io::PlainLook none;
+    if (common->base_color != own.base_color) common->base_color = none.base_color;
+    if (common->roughness != own.roughness || common->metallic != own.metallic) {
+      common->roughness = none.roughness;
+      common->metallic = none.metallic;
+    }
+    if (common->emissive != own.emissive || common->emissive_strength != own.emissive_strength) {
+      common->emissive = none.emissive;
+      common->emissive_strength = none.emissive_strength;
+    }
+    if (common->alpha_cutoff != own.alpha_cutoff) common->alpha_cutoff = none.alpha_cutoff;
+    common->blends = common->blends && own.blends;
+    common->double_sided = common->double_sided || own.double_sided;
+  }
+  return common.value_or(io::PlainLook{});
+}
+
 }  // namespace
+
+io::PlainLook look_of(const mesh::Material& material) {
+  io::PlainLook look;
+  look.double_sided = material.double_sided;
+  look.base_color = planning::material_factor(material, Channel::base_color);
+  if (material.is_pbr) {  // by default glTF's are metal, which nobody means who says nothing
+    const auto factors = planning::material_factor(material, Channel::metallic_roughness);
+    look.roughness = factors[1];
+    look.metallic = factors[2];
+  }
+  const auto emissive = planning::material_factor(material, Channel::emissive);
+  std::copy_n(emissive.begin(), 3, look.emissive.begin());
+  look.emissive_strength = emissive[3];
+  look.alpha_cutoff = material.alpha_cutoff;
+  // Of what images show the transfer decides, which sees them.
+  look.blends = !material.is_opaque && !look.alpha_cutoff && look.base_color[3] < 1;
+  return look;
+}
 
 HeavyModel read_heavy(job::JobContext& job, const TransferOptions& options,
                       const MeshShape& shape) {
@@ -70,7 +116,7 @@ HeavyModel read_heavy(job::JobContext& job, const TransferOptions& options,
   TransferOptions images = options;
   images.output = planning::model_image_pattern(options.output);
   const planning::SourcePlan plan =
-      planning::plan_mesh(images, mesh, planning::TexelsAs::surface, true);
+      planning::plan_mesh(images, mesh, planning::TexelsAs::surface, true, job.merges_materials);
   made.tiled.resize(mesh.materials.size());
   for (const planning::ChannelPlan& channel : plan.channels) {
     for (std::size_t m = 0; m < made.tiled.size(); ++m)
@@ -100,6 +146,7 @@ SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& opti
   made.surface = welded(heavy.placed.mesh);
   made.origin = heavy.placed.origin;
   made.is_exact = true;
+  made.look = common_look(heavy.placed.mesh);
   job.meter.end();
   return made;
 }

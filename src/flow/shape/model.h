@@ -21,6 +21,9 @@ struct HeavyModel {
 /// one of its files, and what planning its transfer refuses of it.
 HeavyModel read_heavy(job::JobContext& job, const TransferOptions& options, const MeshShape& shape);
 
+/// A material but for its images.
+io::PlainLook look_of(const mesh::Material& material);
+
 /// The surface of a mesh as one: what its file has several times because of seams, hard edges or
 /// materials is one vertex here. Takes the progress to `end`. Throws what read_heavy() does.
 SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& options,

@@ -233,7 +233,7 @@ std::vector<io::PlainMaterial> order_by_material(meshing::WedgeSurface& surface,
         own.udim ? fmt::format("{}.{}", of_file.name, *own.udim) : of_file.name;
     std::string other = name;
     for (int k = 2; !names.insert(other).second; ++k) other = fmt::format("{}_{}", name, k);
-    made.push_back({other, counts[m], of_file.double_sided});
+    made.push_back({other, counts[m], look_of(of_file)});
   }
   return made;
 }

@@ -5,6 +5,7 @@
 
 #include "core/bounds.h"
 #include "core/vec.h"
+#include "io/gltf/mesh_writer.h"
 #include "meshing/surface.h"
 #include "pounce/options.h"
 #include "runtime/memory_budget.h"
@@ -18,6 +19,7 @@ struct SourceSurface {
   /// Is every triangle meant? Then a simpler surface is fitted to it. A capture's is rough: there
   /// that changes nothing that can be seen, and takes as long as all else.
   bool is_exact = false;
+  io::PlainLook look = {};  ///< of all of it
   runtime::Lease room;
 };
 

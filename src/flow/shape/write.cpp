@@ -28,8 +28,9 @@ std::uint64_t masks_bytes(const SourceSurface& made, std::uint32_t tiles) {
 }
 
 /// Moves UVs into the tiles of their charts, and sorts triangles by these.
-std::vector<io::PlainMaterial> into_tiles(unwrap::Unwrapped& flat, std::uint32_t tiles) {
-  if (tiles == 1) return {{"proxy", flat.triangles.size()}};
+std::vector<io::PlainMaterial> into_tiles(unwrap::Unwrapped& flat, std::uint32_t tiles,
+                                          const io::PlainLook& look) {
+  if (tiles == 1) return {{"proxy", flat.triangles.size(), look}};
   std::vector<std::vector<unwrap::Triangle>> by_tile(tiles);
   std::vector<std::uint32_t> of_vertex(flat.uvs.size());
   for (std::size_t t = 0; t < flat.triangles.size(); ++t) {
@@ -46,7 +47,7 @@ std::vector<io::PlainMaterial> into_tiles(unwrap::Unwrapped& flat, std::uint32_t
   flat.triangles.clear();
   for (std::uint32_t tile = 0; tile < tiles; ++tile) {
     if (by_tile[tile].empty()) continue;
-    materials.push_back({std::to_string(mesh::kFirstUdim + tile), by_tile[tile].size()});
+    materials.push_back({std::to_string(mesh::kFirstUdim + tile), by_tile[tile].size(), look});
     flat.triangles.insert(flat.triangles.end(), by_tile[tile].begin(), by_tile[tile].end());
   }
   return materials;
@@ -85,7 +86,7 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
     positions.push_back(surface.positions[v]);
     own_normals.push_back(normals[v]);
   }
-  const std::vector<io::PlainMaterial> materials = into_tiles(flat, shape.udims);
+  const std::vector<io::PlainMaterial> materials = into_tiles(flat, shape.udims, made.look);
   job.report.bytes_written +=
       write({positions, own_normals, flat.uvs, flat.triangles, materials, made.origin});
   job.note(fmt::format("{} triangles in {} charts, which fill {:.0f} % of the {}",

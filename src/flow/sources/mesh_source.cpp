@@ -35,7 +35,7 @@ void MeshSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
   check_order(mesh_);
   // A new plan knows no origin; it was decided when the mesh was read.
   const Vec3d origin = plan_.origin;
-  plan_ = planning::plan_mesh(options_, mesh_, as_, for_model_);
+  plan_ = planning::plan_mesh(options_, mesh_, as_, for_model_, job_.merges_materials);
   plan_.origin = origin;
   places_ = surface::strew(mesh_, projection::kSourcePlaces);
   needs.keep(plan_.table_bytes);

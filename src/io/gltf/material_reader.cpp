@@ -224,6 +224,8 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   out.name = in.name;
   out.double_sided = in.doubleSided;
   out.is_opaque = in.alphaMode != "MASK" && in.alphaMode != "BLEND";
+  if (in.alphaMode == "MASK") out.alpha_cutoff = static_cast<float>(in.alphaCutoff);
+  out.is_pbr = true;
   // What a file leaves out, tinygltf leaves empty: the default of glTF counts.
   const auto factor = [](const std::vector<double>& from, std::size_t i, float fallback) {
     return i < from.size() ? static_cast<float>(from[i]) : fallback;

@@ -2,6 +2,7 @@
 #include "io/gltf/mesh_writer.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cstdio>
 #include <initializer_list>
@@ -56,6 +57,37 @@ Grouped by_material(const PlainMesh& mesh) {
 
 }  // namespace
 
+namespace {
+
+constexpr const char* kStrength = "KHR_materials_emissive_strength";
+
+/// The members of a material but its name; what is glTF's default is left out.
+std::string text_of(const PlainLook& look) {
+  std::string pbr;
+  const auto add = [&](const std::string& member) {
+    pbr += fmt::format("{}{}", pbr.empty() ? "" : ",", member);
+  };
+  if (look.base_color != PlainLook{}.base_color)
+    add(fmt::format("\"baseColorFactor\":[{}]", fmt::join(look.base_color, ",")));
+  if (look.metallic != 1) add(fmt::format("\"metallicFactor\":{}", look.metallic));
+  if (look.roughness != 1) add(fmt::format("\"roughnessFactor\":{}", look.roughness));
+  std::string text = fmt::format("\"pbrMetallicRoughness\":{{{}}}", pbr);
+  if (look.emissive != PlainLook{}.emissive)
+    text += fmt::format(",\"emissiveFactor\":[{}]", fmt::join(look.emissive, ","));
+  if (look.emissive_strength != 1)
+    text += fmt::format(",\"extensions\":{{\"{}\":{{\"emissiveStrength\":{}}}}}", kStrength,
+                        look.emissive_strength);
+  if (look.alpha_cutoff) {
+    text += fmt::format(",\"alphaMode\":\"MASK\",\"alphaCutoff\":{}", *look.alpha_cutoff);
+  } else if (look.blends) {
+    text += ",\"alphaMode\":\"BLEND\"";
+  }
+  if (look.double_sided) text += ",\"doubleSided\":true";
+  return text;
+}
+
+}  // namespace
+
 // Written by hand, as the writer of Gaussians does it: the text is the same everywhere.
 std::uint64_t write_glb(FILE* stream, const std::string& name, const PlainMesh& mesh) {
   const Grouped grouped = by_material(mesh);
@@ -65,6 +97,7 @@ std::uint64_t write_glb(FILE* stream, const std::string& name, const PlainMesh& 
   const std::uint64_t binary = bytes[0] + bytes[1] + bytes[2] + bytes[3];  // a multiple of four
   const Vec3d& o = mesh.origin;
   std::string materials, primitives, accessors;
+  bool shines = false;
   const auto accessor = [](int view, std::uint64_t offset, int type, std::uint64_t count,
                            const char* shape) {
     return fmt::format("{{\"bufferView\":{}{},\"componentType\":{},\"count\":{},\"type\":\"{}\"",
@@ -75,9 +108,9 @@ std::uint64_t write_glb(FILE* stream, const std::string& name, const PlainMesh& 
     const PlainMaterial& material = mesh.materials[k];
     const Primitive& own = grouped.primitives[k];
     const char* const comma = k == 0 ? "" : ",";
-    materials += fmt::format(
-        "{}{{\"name\":{},\"pbrMetallicRoughness\":{{\"metallicFactor\":0}}{}}}", comma,
-        json_quoted(material.name), material.double_sided ? ",\"doubleSided\":true" : "");
+    materials += fmt::format("{}{{\"name\":{},{}}}", comma, json_quoted(material.name),
+                             text_of(material.look));
+    shines = shines || material.look.emissive_strength != 1;
     primitives += fmt::format(
         "{}{{\"attributes\":{{\"POSITION\":{},\"NORMAL\":{},\"TEXCOORD_0\":{}}},"
         "\"indices\":{},\"material\":{}}}",
@@ -93,9 +126,10 @@ std::uint64_t write_glb(FILE* stream, const std::string& name, const PlainMesh& 
                              3 * material.triangles, "SCALAR"));
   }
   std::string json = fmt::format(
-      "{{\"asset\":{{\"version\":\"2.0\",\"generator\":\"pounce\"}},\"scene\":0,"
+      "{{\"asset\":{{\"version\":\"2.0\",\"generator\":\"pounce\"}},{}\"scene\":0,"
       "\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0{}}}],\"materials\":[{}],"
       "\"meshes\":[{{\"primitives\":[{}]}}],\"accessors\":[{}],\"bufferViews\":[",
+      shines ? fmt::format("\"extensionsUsed\":[\"{}\"],", kStrength) : "",
       o == Vec3d{} ? "" : fmt::format(",\"translation\":[{},{},{}]", o.x, o.y, o.z), materials,
       primitives, accessors);
   std::uint64_t at = 0;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,11 +13,21 @@
 
 namespace pounce::io {
 
-/// A white material and the triangles that have it.
+/// A material without textures, white where nothing else is said.
+struct PlainLook {
+  bool double_sided = false;
+  std::array<float, 4> base_color{1, 1, 1, 1};  ///< 0..1, linear light, as all that follow
+  float roughness = 1, metallic = 0;
+  std::array<float, 3> emissive{};
+  float emissive_strength = 1;
+  std::optional<float> alpha_cutoff;  ///< its alpha is a mask
+  bool blends = false;                ///< its alpha is opacity; else, without a mask, it is nothing
+};
+/// One and the triangles that have it.
 struct PlainMaterial {
   std::string name;
   std::uint64_t triangles = 0;  ///< above 0: those that follow the last one's
-  bool double_sided = false;
+  PlainLook look = {};
 };
 
 /// A mesh with one set of UVs (v downwards); a primitive for each material, with vertices of its
