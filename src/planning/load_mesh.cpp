@@ -129,15 +129,20 @@ double step_of(const mesh::Mesh& mesh, Vec3d origin) {
   // relative to it are still multiples of these steps.
   double step = 0;
   for (const auto axis : {0, 1, 2}) {
-    double along = std::numeric_limits<double>::infinity();
+    const double from = axis == 0 ? origin.x : axis == 1 ? origin.y : origin.z;
+    double along = std::numeric_limits<double>::infinity(), nearest = std::abs(from);
     for (const Vec3f& p : mesh.positions) {
       const float local = axis == 0 ? p.x : axis == 1 ? p.y : p.z;
       if (local != 0) along = std::min(along, last_digit(local));
+      nearest = std::min(nearest, std::abs(from + double{local}));
     }
-    // Whole numbers may well be meant; what single precision makes is its last place.
-    const double from = axis == 0 ? origin.x : axis == 1 ? origin.y : origin.z;
+    // Whole numbers may well be meant; what single precision makes is its last place, and nothing
+    // finer.
     const double last_place = std::abs(from) * double{std::numeric_limits<float>::epsilon()};
-    if (along <= last_place) step = std::max(step, along);
+    int exponent = 0;
+    std::frexp(nearest, &exponent);
+    const bool is_single = along <= last_place && along >= std::ldexp(1.0, exponent - 24);
+    if (is_single) step = std::max(step, along);
   }
   return step;
 }

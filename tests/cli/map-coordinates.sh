@@ -52,6 +52,10 @@ awk '/^v /{printf "v %.3f %.1f %.4f\n", int($2 * 32 + .5) / 32, int($3 * 2 + .5)
 expect 0 transfer coarse.obj map.obj -o coarse.png --size 256
 err_has 'coarse.obj: stores positions in steps of 0.5'
 ! grep -q 'map.obj: stores' "$err" || fail 'the target has no steps'
+# A regular grid finer than single precision has none of its steps.
+awk '/^v /{printf "v %.2f %.2f %.4f\n", int($2 * 4 + .5) / 4, int($3 * 4 + .5) / 4, $4; next} 1' map.obj >grid.obj
+expect 0 transfer grid.obj map.obj -o grid.png --size 256
+err_lacks 'grid.obj: stores'
 
 # Gaussians of it: floats in a PLY, a node's translation in a .glb, nothing in an SPZ.
 expect 0 gaussians map.obj -o map.ply
