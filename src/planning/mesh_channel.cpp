@@ -271,12 +271,13 @@ class ChannelPlanner {
       has_opacity = has_opacity || page.factor->scale[3] != 1;
       if (page.factor->spreads) take_three(look);
     }
-    if (planning_.is_told_apart(plan.channel)) {
+    const bool has_constants = planning_.is_told_apart(plan.channel);
+    for (std::size_t m = 0; has_constants && m < source_.materials.size(); ++m) {
+      const PageTexture& page = plan.pages[m];
+      if (!planning_.used[m] || page.column >= 0 || page.tile_set >= 0) continue;
       take_three(look);
-      for (std::size_t m = 0; m < source_.materials.size(); ++m) {
-        const bool fades = !source_.materials[m].is_opaque && plan.pages[m].constant.v[3] < 1;
-        has_opacity = has_opacity || (plan.shows_alpha && planning_.used[m] && fades);
-      }
+      const bool fades = plan.shows_alpha && !source_.materials[m].is_opaque;
+      has_opacity = has_opacity || (fades && page.constant.v[3] < 1);
     }
     if (has_opacity && !look.alpha) take_opacity("the materials' opacity", plan, look);
   }

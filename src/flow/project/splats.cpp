@@ -141,7 +141,7 @@ class SplatMethod : public Base {
     // Of the last packet that was asked for: all channels of a small block ask for it.
     std::size_t of_packet = std::max(work.around.packets.size(), work.state.packets.size());
     projection::SplatFindings found;
-    Values values;
+    Values values{};
     const auto blend = [&](std::span<const surface::TexelPacket> packets, std::size_t first,
                            const auto& find) {
       blend_blocks(work, packets, first, [&](std::size_t c, std::size_t p) {

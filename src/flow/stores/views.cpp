@@ -292,12 +292,13 @@ void draw_targets(job::JobContext& job, const mesh::Mesh& target, SceneViews& ou
 
 namespace {
 
-/// Where the tiles are, in memory as long as the views.
+/// Where the tiles are, in memory as long as the views, if the job needs that memory for nothing.
 void hold_places(job::JobContext& job, SceneViews& out) {
   const store::ColourDirectory image = out.grid.image(views::kSceneSamples);
-  const std::uint64_t tiles = std::uint64_t{image.tiles_x()} * image.tiles_y();
-  out.tiles_lease = runtime::Lease(job.budget, 2 * tiles * sizeof(store::ChunkRef),
-                                   "the places of the views' tiles");
+  const std::uint64_t tiles = std::uint64_t{image.tiles_x()} * image.tiles_y(),
+                      bytes = 2 * tiles * sizeof(store::ChunkRef);
+  if (job.report.least_memory_bytes + bytes > job.budget.limit()) return;
+  out.tiles_lease = runtime::Lease(job.budget, bytes, "the places of the views' tiles");
   const auto places_of = [&](const ColourCache& cache) {
     std::vector<store::ChunkRef> places;
     places.reserve(tiles);
