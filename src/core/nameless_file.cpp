@@ -31,15 +31,18 @@ NamelessFile::NamelessFile(const std::string& folder) : folder_(folder) {
 NamelessFile::~NamelessFile() { std::fclose(stream_); }
 
 void NamelessFile::flush() {
-  if (std::ferror(stream_) == 0 && std::fflush(stream_) == 0) return;
-  // What failed may be long ago, and nobody has kept the reason: whoever writes a page now is told
-  // it again.
+  const bool failed_before = std::ferror(stream_) != 0;
+  errno = 0;
+  if (std::fflush(stream_) == 0 && !failed_before) return;
+  if (errno != 0) fail_to_change(folder_, "write a scratch file", errno);
+  // What failed is long ago, and nobody has kept the reason: whoever writes a page now is told it
+  // again.
   const std::vector<char> page(4096);
   const int file = ::fileno(stream_);
   const off_t end = ::lseek(file, 0, SEEK_END);
   const ssize_t put = ::pwrite(file, page.data(), page.size(), std::max<off_t>(end, 0));
-  fail_to_change(folder_, "write a scratch file",
-                 put == static_cast<ssize_t>(page.size()) ? EIO : errno);
+  const bool is_full = put >= 0 && put < static_cast<ssize_t>(page.size());
+  fail_to_change(folder_, "write a scratch file", is_full ? ENOSPC : put < 0 ? errno : EIO);
 }
 
 }  // namespace pounce

@@ -50,6 +50,8 @@ class ChannelPlanner {
     // images must not show it, since renderers multiply the two.
     const auto common = common_factor(channel);
     if (common) plan.material_factor = *common;
+    if (channel == Channel::emissive && planning_.is_told_apart(channel))
+      plan.material_factor[3] = most_light();
     const bool applies_factors = options_.material.apply_factors && !common;
     for (std::size_t m = 0; m < source_.materials.size(); ++m) {
       plan.pages.push_back(page_texture(m, channel, applies_factors, tile_sets));
@@ -84,6 +86,14 @@ class ChannelPlanner {
     if (is_shape(channel)) return {};
     if (!is_of_material(channel)) return {{0, 0, 0, 1}, 4, true, true, false};
     const mesh::Material& m = source_.materials[material];
+    if (planning_.is_told_apart(channel)) {
+      std::array<float, 4> own = merged_factor(m, channel);
+      if (channel == Channel::emissive) {
+        for (std::size_t c = 0; c < 3; ++c) own[c] *= own[3] / most_light();
+        own[3] = 1;
+      }
+      return {{own[0], own[1], own[2], own[3]}, 4, is_colour(options_, channel), true, false};
+    }
     const auto& f = m.factors[static_cast<std::size_t>(channel)];
     const float light = applies_factors && channel == Channel::emissive ? m.emissive_strength : 1;
     return {{f[0] * light, f[1] * light, f[2] * light, f[3]},
@@ -91,6 +101,18 @@ class ChannelPlanner {
             is_colour(options_, channel),
             true,
             false};
+  }
+
+  /// The strength that materials which become one have, so that none of their light is clipped: 1
+  /// where one has an image, which cannot be divided.
+  float most_light() const {
+    float most = 1;
+    for (std::size_t m = 0; m < source_.materials.size(); ++m) {
+      if (!planning_.used[m]) continue;
+      if (images_.binding(m, Channel::emissive)) return 1;
+      most = std::max(most, merged_factor(source_.materials[m], Channel::emissive)[3]);
+    }
+    return most;
   }
 
   /// Of a material whose own texture, or what stands for it, is sampled.

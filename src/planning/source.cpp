@@ -410,7 +410,7 @@ bool MeshPlanning::is_told_apart(Channel channel) const {
   std::optional<std::array<float, 4>> first;
   for (std::size_t m = 0; m < used.size(); ++m) {
     if (!used[m]) continue;
-    const std::array<float, 4> own = material_factor(source.materials[m], channel);
+    const std::array<float, 4> own = merged_factor(source.materials[m], channel);
     if (first && *first != own) return true;
     first = own;
   }

@@ -141,4 +141,17 @@ std::array<float, 4> material_factor(const mesh::Material& material, Channel cha
   return factor;
 }
 
+std::array<float, 4> merged_factor(const mesh::Material& material, Channel channel) {
+  std::array<float, 4> factor = material_factor(material, channel);
+  if (channel == Channel::base_color) {
+    if (material.is_opaque) factor[3] = 1;
+    if (material.alpha_cutoff) factor[3] = factor[3] >= *material.alpha_cutoff ? 1.0F : 0.0F;
+  }
+  // By default glTF's materials are metal, which nobody means who says nothing.
+  if (channel == Channel::metallic_roughness && !material.is_pbr) factor[2] = 0;
+  const bool shines = factor[0] > 0 || factor[1] > 0 || factor[2] > 0;
+  if (channel == Channel::emissive && !shines) factor[3] = 1;
+  return factor;
+}
+
 }  // namespace pounce::planning

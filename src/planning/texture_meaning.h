@@ -28,5 +28,8 @@ std::optional<shading::Factor> texture_factor(const mesh::Material& material, Ch
 /// The same as the factor of a glTF material may be (io::ModelTexture::factor): 0..1, more light as
 /// emissive strength, which is the fourth.
 std::array<float, 4> material_factor(const mesh::Material& material, Channel channel);
+/// The same of a material that becomes one with others: its alpha is its opacity, whatever its mode
+/// makes of it; without metal where its file says nothing of that; dark where it does not shine.
+std::array<float, 4> merged_factor(const mesh::Material& material, Channel channel);
 
 }  // namespace pounce::planning

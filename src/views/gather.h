@@ -90,7 +90,7 @@ struct alignas(64) PlacePacket {
   float cosine[kLanes];                       ///< of the normal with the way to the eye
   std::int32_t weight[kLanes];                ///< 0: it does not face the eye
   TileRange tiles;                            ///< in which those lie that face it
-  /// How many packets, from this one on, have that range: where the one before has another.
+  /// How many packets, from this one on, have that range. Of the first of them alone; else unset.
   std::uint32_t alike;
 };
 

@@ -31,6 +31,24 @@ expect 0 mesh flat.obj -o own.glb --size 64 --keep-uvs
 has own.glb '"baseColorFactor":[1,0,0,1]'
 has own.glb '"baseColorFactor":[0,0,1,1]'
 lacks own.glb '"baseColorTexture"'
+# Glass beside what is solid, of one colour; lamps of two strengths, neither of which is clipped.
+printf 'newmtl solid\nKd 1 0 0\nnewmtl glass\nKd 1 0 0\nd .5\n' >glass.mtl
+squares glass solid glass
+expect 0 mesh glass.obj -o glass.glb --size 64
+has glass.glb '"baseColorTexture"'
+has glass.glb '"alphaMode":"BLEND"'
+printf 'newmtl weak\nKe 0 .5 0\nnewmtl strong\nKe 4 0 0\n' >lamps.mtl
+squares lamps weak strong
+expect 0 mesh lamps.obj -o lamps.glb --size 64
+has lamps.glb '"emissiveTexture"'
+has lamps.glb '"emissiveStrength":4'
+err_lacks 'clip'
+# What has a texture that is not asked for keeps no factor of it alone.
+printf 'newmtl red\nmap_Kd dark.ppm\nKe 1 1 1\nmap_Ke dark.ppm\n' >unlit.mtl
+image dark.ppm 1 1 0 0 0
+squares unlit red red
+expect 0 mesh unlit.obj -o unlit.glb --size 64 --channels baseColor
+lacks unlit.glb '"emissiveFactor"'
 # One colour needs no texture.
 printf 'newmtl red\nKd 1 0 0\n' >one.mtl
 squares one red red

@@ -53,12 +53,21 @@ meshing::Surface welded(const mesh::Mesh& mesh) {
 /// image.
 io::PlainLook common_look(const mesh::Mesh& mesh) {
   const std::set<std::uint32_t> used(mesh.triangle_material.begin(), mesh.triangle_material.end());
+  const auto is_as_first = [&](std::uint32_t m) {
+    return look_of(mesh.materials[m]) == look_of(mesh.materials[*used.begin()]);
+  };
+  if (!used.empty() && std::all_of(used.begin(), used.end(), is_as_first))
+    return look_of(mesh.materials[*used.begin()]);
   std::optional<io::PlainLook> common;
+  bool is_masked = true;  // all of them, alike
   for (const std::uint32_t m : used) {
-    const io::PlainLook own = look_of(mesh.materials[m]);
-    if (!common) common = own;
+    io::PlainLook own = look_of(mesh.materials[m]);
     const io::PlainLook none;
+    if (own.base_color != none.base_color)
+      own.base_color = planning::merged_factor(mesh.materials[m], Channel::base_color);
+    if (!common) common = own;
     if (common->base_color != own.base_color) common->base_color = none.base_color;
+    is_masked = is_masked && own.alpha_cutoff && own.alpha_cutoff == common->alpha_cutoff;
     if (common->roughness != own.roughness || common->metallic != own.metallic) {
       common->roughness = none.roughness;
       common->metallic = none.metallic;
@@ -67,11 +76,12 @@ io::PlainLook common_look(const mesh::Mesh& mesh) {
       common->emissive = none.emissive;
       common->emissive_strength = none.emissive_strength;
     }
-    if (common->alpha_cutoff != own.alpha_cutoff) common->alpha_cutoff = none.alpha_cutoff;
     common->blends = common->blends && own.blends;
     common->double_sided = common->double_sided || own.double_sided;
   }
-  return common.value_or(io::PlainLook{});
+  if (!common) return {};
+  if (!is_masked) common->alpha_cutoff = std::nullopt;
+  return *common;
 }
 
 }  // namespace
@@ -79,15 +89,22 @@ io::PlainLook common_look(const mesh::Mesh& mesh) {
 io::PlainLook look_of(const mesh::Material& material) {
   io::PlainLook look;
   look.double_sided = material.double_sided;
-  look.base_color = planning::material_factor(material, Channel::base_color);
-  if (material.is_pbr) {  // by default glTF's are metal, which nobody means who says nothing
-    const auto factors = planning::material_factor(material, Channel::metallic_roughness);
+  // The factor of an image comes with that, if it comes.
+  const auto is_plain = [&](Channel channel) {
+    return !material.textures[static_cast<std::size_t>(channel)];
+  };
+  if (is_plain(Channel::base_color))
+    look.base_color = planning::material_factor(material, Channel::base_color);
+  if (is_plain(Channel::metallic_roughness) && material.is_pbr) {
+    const auto factors = planning::merged_factor(material, Channel::metallic_roughness);
     look.roughness = factors[1];
     look.metallic = factors[2];
   }
-  const auto emissive = planning::material_factor(material, Channel::emissive);
-  std::copy_n(emissive.begin(), 3, look.emissive.begin());
-  look.emissive_strength = emissive[3];
+  if (is_plain(Channel::emissive)) {
+    const auto emissive = planning::merged_factor(material, Channel::emissive);
+    std::copy_n(emissive.begin(), 3, look.emissive.begin());
+    look.emissive_strength = emissive[3];
+  }
   look.alpha_cutoff = material.alpha_cutoff;
   // Of what images show the transfer decides, which sees them.
   look.blends = !material.is_opaque && !look.alpha_cutoff && look.base_color[3] < 1;

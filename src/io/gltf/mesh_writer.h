@@ -16,12 +16,13 @@ namespace pounce::io {
 /// A material without textures, white where nothing else is said.
 struct PlainLook {
   bool double_sided = false;
-  std::array<float, 4> base_color{1, 1, 1, 1};  ///< 0..1, linear light, as all that follow
-  float roughness = 1, metallic = 0;
-  std::array<float, 3> emissive{};
-  float emissive_strength = 1;
-  std::optional<float> alpha_cutoff;  ///< its alpha is a mask
-  bool blends = false;                ///< its alpha is opacity; else, without a mask, it is nothing
+  std::array<float, 4> base_color{1, 1, 1, 1};  ///< 0..1, linear light
+  float roughness = 1, metallic = 0;            ///< 0..1
+  std::array<float, 3> emissive{};              ///< 0..1, linear light, times:
+  float emissive_strength = 1;                  ///< finite, not negative
+  std::optional<float> alpha_cutoff;            ///< its alpha is a mask; finite, not negative
+  bool blends = false;  ///< its alpha is opacity; else, without a mask, it is nothing
+  bool operator==(const PlainLook&) const = default;
 };
 /// One and the triangles that have it.
 struct PlainMaterial {
