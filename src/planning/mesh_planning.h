@@ -29,7 +29,8 @@ struct MeshPlanning {
   /// Do the colours of the source's vertices multiply a channel? No output but these images can
   /// show them: a model has the vertices of the target.
   bool is_tinted(Channel channel) const;
-  /// Do materials that become one differ by constants where none has an image?
+  /// Do materials that become one differ by their factors? Images or not: a constant stands in the
+  /// channel's image beside them.
   bool is_told_apart(Channel channel) const;
   std::string name_of(Channel channel) const { return channel_name(options, channel); }
 };

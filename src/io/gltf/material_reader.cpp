@@ -225,9 +225,9 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   out.name = in.name;
   out.double_sided = in.doubleSided;
   out.is_opaque = in.alphaMode != "MASK" && in.alphaMode != "BLEND";
+  // A file may say any number; above 1 it hides all, however much.
   if (in.alphaMode == "MASK")
-    out.alpha_cutoff =
-        std::clamp(static_cast<float>(in.alphaCutoff), 0.0F, 2.0F);  // 1 and all above
+    out.alpha_cutoff = std::clamp(static_cast<float>(in.alphaCutoff), 0.0F, 2.0F);
   out.is_pbr = true;
   // What a file leaves out, tinygltf leaves empty: the default of glTF counts.
   const auto factor = [](const std::vector<double>& from, std::size_t i, float fallback) {
