@@ -235,7 +235,7 @@ enum class Look : std::uint8_t {
 /// "auto", "around", "normal".
 POUNCE_API const char* look_name(Look look) noexcept;
 POUNCE_API std::optional<Look> look_from_name(const std::string& name) noexcept;
-inline constexpr std::uint32_t kLeastViews = 6, kMostViews = 96, kDefaultViews = 24;
+inline constexpr std::uint32_t kLeastViews = 6, kMostViews = 96, kDefaultViews = 36;
 
 /// A box with its sides along the axes, in the job's axes and units.
 struct AxisBox {

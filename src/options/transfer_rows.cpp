@@ -350,8 +350,9 @@ Rows<Options> splat_rows() {
           {.name = "views",
            .value = "N",
            .group = group,
-           .help = "Number of directions for --look around. 48 cover more of a texture and are "
-                   "slightly closer to a viewer's image, for twice the drawing time",
+           .help = "Number of directions for --look around. More cover more of a texture and "
+                   "are slightly closer to a viewer's image; drawing takes time in "
+                   "proportion",
            .source = kSplats},
           path(&Options::splats, &SplatOptions::views),
           integer<std::uint32_t>(kLeastViews, kMostViews)),

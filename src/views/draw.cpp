@@ -186,25 +186,38 @@ bool draw_tile(
 
 // --- what is stored ------------------------------------------------------------------------------
 
-std::vector<std::byte> samples_of(const Canvas& canvas) {
-  std::vector<std::byte> out(std::size_t{kStoredEdge} * kStoredEdge * kSceneSamples *
-                             sizeof(std::uint16_t));
-  std::byte* at = out.data();
+std::vector<std::byte> samples_of(const Canvas& canvas, Sharpener& sharpener) {
+  const auto alpha_of = [](float through) { return through < 0 ? 0 : 1 - through; };
+  PixelRows& pixels = sharpener.pixels();
   for (int y = 0; y < kStoredEdge; ++y) {
     for (int x = 0; x < kStoredEdge; ++x) {
       const int i = Canvas::at(x, y);
-      const float alpha = canvas.through[i] < 0 ? 0 : 1 - canvas.through[i];
+      const std::size_t at = PixelRows::at(x, y);
+      pixels.depth[at] = canvas.depth[i] >= 0 ? canvas.depth[i] : PixelRows::kNoDepth;
+      const float alpha = alpha_of(canvas.through[i]);
+      for (int c = 0; c < 3; ++c)
+        pixels.colour[c][at] =
+            alpha > 0 ? std::min(canvas.colour[c][i] / alpha, gaussian::kLargestSplatColour) : 0;
+    }
+  }
+  const PixelRows& shown = sharpener.sharpened();
+  std::vector<std::byte> out(std::size_t{kStoredEdge} * kStoredEdge * kSceneSamples *
+                             sizeof(std::uint16_t));
+  std::byte* to = out.data();
+  for (int y = 0; y < kStoredEdge; ++y) {
+    for (int x = 0; x < kStoredEdge; ++x) {
+      const int i = Canvas::at(x, y);
+      const float alpha = alpha_of(canvas.through[i]);
       std::uint16_t samples[kSceneSamples] = {0, 0, 0, 0, kNoDepth};
       if (alpha > 0) {
-        for (int c = 0; c < 3; ++c) {
-          const float colour = std::min(canvas.colour[c][i] / alpha, gaussian::kLargestSplatColour);
-          samples[c] = static_cast<std::uint16_t>(colour * kColourSteps + 0.5F);
-        }
+        for (int c = 0; c < 3; ++c)
+          samples[c] = static_cast<std::uint16_t>(
+              shown.colour[c][PixelRows::at(x, y)] * kColourSteps + 0.5F);
         samples[3] = static_cast<std::uint16_t>(alpha * kAlphaSteps + 0.5F);
       }
       if (canvas.depth[i] >= 0) samples[4] = static_cast<std::uint16_t>(canvas.depth[i] + 0.5F);
-      std::memcpy(at, samples, sizeof samples);
-      at += sizeof samples;
+      std::memcpy(to, samples, sizeof samples);
+      to += sizeof samples;
     }
   }
   return out;

@@ -17,6 +17,7 @@
 #include "gaussian/splat_columns.h"
 #include "views/grid.h"
 #include "views/kernels.h"
+#include "views/sharpen.h"
 #include "views/slab.h"
 
 namespace pounce::views {
@@ -86,7 +87,7 @@ bool draw_tile(
     const std::function<std::shared_ptr<const gaussian::SplatColumns>(const NearBlock&)>& block,
     const ViewKernels& kernels, Slab& slab, Canvas& canvas);
 
-/// The tile's samples, interleaved as in Grid::image(kSceneSamples).
-std::vector<std::byte> samples_of(const Canvas& canvas);
+/// The tile's samples, sharpened and interleaved as in Grid::image(kSceneSamples).
+std::vector<std::byte> samples_of(const Canvas& canvas, Sharpener& sharpener);
 
 }  // namespace pounce::views

@@ -61,6 +61,7 @@ Grid::Grid(const Box3f& target, float edge, std::uint32_t views) : frames_(frame
   region_ = {Vec3f(Vec3d{x.x, y.x, z.x}), Vec3f(Vec3d{x.y, y.y, z.y})};
   middle_ = Vec3f(Vec3d{(x.x + x.y) / 2, (y.x + y.y) / 2, (z.x + z.y) / 2});
   const double radius = length(Vec3d{x.y - x.x, y.y - y.x, z.y - z.x}) / 2;
+  diagonal_ = static_cast<float>(2 * radius);
   const double pixel =
       rounded_pixel(std::max({kLeastPixel * length(size), double{edge}, longest * 1e-6}));
   pixel_ = static_cast<float>(pixel);

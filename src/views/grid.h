@@ -72,7 +72,8 @@ class Grid {
   float pixel() const { return pixel_; }                  ///< its edge in space
   std::uint32_t tiles_across() const { return across_; }  ///< of a view, both ways
   std::uint32_t edge() const { return across_ * kTileEdge; }
-  Vec3f middle() const { return middle_; }  ///< of the region, and of every view
+  Vec3f middle() const { return middle_; }      ///< of the region, and of every view
+  float diagonal() const { return diagonal_; }  ///< of the region
   float depth_step() const { return depth_step_; }
   /// Of a distance in space.
   float in_steps(float distance) const { return distance / depth_step_; }
@@ -108,7 +109,8 @@ class Grid {
   std::vector<float> begins_;  ///< by view; none: from outside
   Box3f region_;
   Vec3f middle_;
-  float pixel_ = 0, per_pixel_ = 0, middle_pixel_ = 0, depth_step_ = 0, per_step_ = 0;
+  float diagonal_ = 0, pixel_ = 0, per_pixel_ = 0, middle_pixel_ = 0, depth_step_ = 0,
+        per_step_ = 0;
   std::uint32_t across_ = 0;
 };
 

@@ -17,7 +17,9 @@ namespace pounce::views {
 struct Ellipse;
 struct Canvas;
 struct DepthTriangle;
+struct PixelRows;
 struct PlacePacket;
+struct Sharpening;
 struct SightLimits;
 struct SightPacket;
 struct TargetDepths;
@@ -68,6 +70,8 @@ struct ViewKernels {
                  float (*out)[surface::kLanes]);
   /// Composites ellipses in their order behind what is there. False: nothing behind them will show.
   bool (*draw)(std::span<const Ellipse* const> ellipses, Canvas& canvas);
+  /// Writes the colours of pixels, moved away from what is around them; not below 0.
+  void (*sharpen)(const PixelRows& pixels, const Sharpening& how, PixelRows& out);
   /// Lowers depths to those of triangles that are nearer. Of a triangle count the pixels whose
   /// middles it has, edges included. Rewrites up to TargetDepths::kBehind samples behind a row's
   /// last as they are.

@@ -17,6 +17,7 @@
 #include "surface/target_block.h"
 #include "views/draw.h"
 #include "views/gather.h"
+#include "views/sharpen.h"
 #include "views/target_depth.h"
 
 namespace pounce::views::POUNCE_ISA_NAMESPACE {
@@ -200,6 +201,7 @@ bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
 #include "views/depth_lanes.inl"
 #include "views/ellipse_lanes.inl"
 #include "views/gather_lanes.inl"
+#include "views/sharpen_lanes.inl"
 
 unsigned meet(const float* x, const float* y, const float* z, const float* radius,
               const TileBounds& b) {
@@ -214,7 +216,7 @@ unsigned meet(const float* x, const float* y, const float* z, const float* radiu
 }  // namespace
 
 extern const ViewKernels kViewKernels;
-const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet,  show, colour, draw,
-                               draw_depths,     place, sees, gather};
+const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet,        show,  colour, draw,
+                               sharpen,         draw_depths, place, sees,   gather};
 
 }  // namespace pounce::views::POUNCE_ISA_NAMESPACE

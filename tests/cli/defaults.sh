@@ -19,10 +19,10 @@ job=(transfer source.obj target.obj -o mesh.png)
 expect 0 "${job[@]}"
 kept "${both[@]}" '--size 16' '--depth u8' '--padding 0' '--filter cubic' '--factors apply' '--max-distance 5%' '--normal-y up' \
   '--output-normal-y up' '--source-colorspace srgb' '--source-uv-set 0' '--source-texture baseColor=skin.ppm' '--sh mean' \
-  '--rays 0' '--look auto' '--views 24' '--min-confidence 0.01' '--min-opacity 0.0039' '--sigma 0.5'
+  '--rays 0' '--look auto' '--views 36' '--min-confidence 0.01' '--min-opacity 0.0039' '--sigma 0.5'
 job=(transfer scene.ply scene_target.glb -o scene.png --size 64)
 expect 0 "${job[@]}"
-kept "${both[@]}" '--depth u8' '--padding 0' '--max-distance 3%' '--sh mean' '--min-opacity 0.0039' '--rays 0' '--look auto' '--views 24' \
+kept "${both[@]}" '--depth u8' '--padding 0' '--max-distance 3%' '--sh mean' '--min-opacity 0.0039' '--rays 0' '--look auto' '--views 36' \
   '--min-confidence 0.01' '--filter cubic' '--sigma 0.5' '--factors apply' '--normal-y up' '--output-normal-y up'
 job=(transfer source.obj target.obj -o 't.<UDIM>.tx' --size 64)
 expect 0 "${job[@]}"

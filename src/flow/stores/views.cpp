@@ -22,7 +22,7 @@ namespace pounce::flow {
 namespace {
 
 /// Of views as they are drawn: what is drawn otherwise is another store.
-constexpr std::uint32_t kViewsVersion = 2;
+constexpr std::uint32_t kViewsVersion = 3;
 
 /// Scratch packs beside that of the target's depths.
 constexpr Hash128 kInsideTarget{0, 1}, kInsideScene{0, 2};
@@ -65,6 +65,7 @@ class SceneDrawing {
       : job_(job),
         request_(request),
         grid_(grid),
+        sharpening_(views::sharpening_of(grid)),
         before_inside_(before_inside),
         image_(grid.image(views::kSceneSamples)),
         blocks_(job.budget, DrawnReader{{&job, request.scene}}) {}
@@ -115,8 +116,8 @@ class SceneDrawing {
            gaussian::SplatColumns::most_bytes(d.most_splats, d.lobes);
   }
   std::uint64_t row_bytes(std::size_t ellipses, std::uint32_t tiles) const {
-    return sizeof(views::Canvas) + views::Slab::most_bytes(ellipses) + block_bytes() +
-           places_bytes(request_.scene->directory().blocks()) +
+    return sizeof(views::Canvas) + sizeof(views::Sharpener) + views::Slab::most_bytes(ellipses) +
+           block_bytes() + places_bytes(request_.scene->directory().blocks()) +
            encoding_bytes(views::kSceneSamples) + 3 * views::tile_bytes(views::kTargetSamples) +
            tiles * views::tile_bytes(views::kSceneSamples);
   }
@@ -173,6 +174,7 @@ class SceneDrawing {
     Row tiles(grid_.tiles_across());
     views::Slab slab(ellipses);
     const auto canvas = std::make_unique<views::Canvas>();
+    const auto sharpener = std::make_unique<views::Sharpener>(sharpening_, *request_.kernels);
     if (grid_.begins_within()) canvas->begin_at(grid_.begin(view));
     std::vector<SplatIndexPart> indices;
     for (std::uint32_t i = 0; i < tiles.size(); ++i) {
@@ -192,7 +194,7 @@ class SceneDrawing {
       if (!views::draw_tile(sight, near_blocks(sight, indices), block, *request_.kernels, slab,
                             *canvas))
         continue;
-      encode(job_, image_, views::samples_of(*canvas),
+      encode(job_, image_, views::samples_of(*canvas, *sharpener),
              inside == nullptr ? job_.stores_room() : nullptr, tiles[x]);
     }
     return tiles;
@@ -220,6 +222,7 @@ class SceneDrawing {
   job::JobContext& job_;
   const ViewsRequest& request_;
   const views::Grid& grid_;
+  const views::Sharpening sharpening_;
   const float before_inside_;
   const store::ColourDirectory image_;
   const DrawnCache blocks_;

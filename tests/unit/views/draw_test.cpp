@@ -28,6 +28,12 @@ std::vector<const ViewKernels*> available_kernels() {
   return all;
 }
 
+/// As they are drawn, not sharpened.
+std::vector<std::byte> plain_samples_of(const Canvas& canvas) {
+  const auto sharpener = std::make_unique<Sharpener>(Sharpening{}, *available_kernels()[0]);
+  return samples_of(canvas, *sharpener);
+}
+
 /// In slabs of so many Gaussians.
 void draw_into(Canvas& canvas, const gaussian::SplatColumns& set, const TileSight& sight,
                const ViewKernels& kernels, std::size_t most) {
@@ -149,7 +155,7 @@ TEST_CASE("two balls behind each other, by hand", "[views]") {
           Approx(kMostDepth / 2 * grid.depth_step() - 0.25).margin(1e-3));
     // Beyond the least alpha there is nothing: at 9 pixels q = 81 / 4.3.
     CHECK(canvas->through[pixel_at(10, 0)] == 1);
-    const auto samples = samples_of(*canvas);
+    const auto samples = plain_samples_of(*canvas);
     std::uint16_t stored[kSceneSamples];
     std::memcpy(stored, samples.data() + ((kApron * kStoredEdge) + kApron) * sizeof(stored),
                 sizeof stored);
@@ -222,7 +228,7 @@ TEST_CASE("pixels begin where they are told to, or are none", "[views]") {
       canvas->begin_before(depths.data(), kGap);
       canvas->clear();
       draw_into(*canvas, set, middle_tile(grid, view, {}, *kernels), *kernels, most);
-      const auto samples = samples_of(*canvas);
+      const auto samples = plain_samples_of(*canvas);
       if (first.empty()) first = samples;
       CHECK(samples == first);
       if (samples != first || most == 30) continue;
