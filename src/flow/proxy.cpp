@@ -79,6 +79,9 @@ TransferOptions onto(const std::string& mesh, const TexturedMeshOptions& options
       all || std::find(wanted.begin(), wanted.end(), Channel::normal) != wanted.end();
   if (!is_scene && wants_normal) {
     std::erase(transfer.channels.transferred, Channel::normal);
+    // No name would mean all channels.
+    if (!all && transfer.channels.transferred.empty())
+      transfer.channels.transferred = {Channel::normal};
     transfer.channels.baked = {Channel::normal};
   }
   return transfer;

@@ -49,6 +49,15 @@ image dark.ppm 1 1 0 0 0
 squares unlit red red
 expect 0 mesh unlit.obj -o unlit.glb --size 64 --channels baseColor
 lacks unlit.glb '"emissiveFactor"'
+# The normal map alone, which is made here, is not all channels.
+expect 0 mesh unlit.obj -o normal.glb --size 64 --channels normal
+has normal.glb '"normalTexture"'
+lacks normal.glb '"baseColorTexture"'
+lacks normal.glb '"emissiveTexture"'
+expect 0 mesh unlit.obj -o two.glb --size 64 --channels normal,emissive
+has two.glb '"normalTexture"'
+has two.glb '"emissiveTexture"'
+lacks two.glb '"baseColorTexture"'
 # One colour needs no texture.
 printf 'newmtl red\nKd 1 0 0\n' >one.mtl
 squares one red red
