@@ -14,6 +14,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 #include <set>
 
 #include "planning/name_patterns.h"
@@ -24,6 +26,27 @@ namespace {
 
 using mesh::kNoPage;
 using mesh::UvTile;
+
+/// Where a texture set's triangles lie in UV space.
+struct UvExtent {
+  Vec2d lo{kNowhere, kNowhere}, hi{-kNowhere, -kNowhere};
+  std::uint64_t outside = 0;  ///< triangles that leave the image
+
+  void add(const std::array<Vec2d, 3>& uvs) {
+    bool is_outside = false;
+    for (const Vec2d uv : uvs) {
+      lo = {std::min(lo.x, uv.x), std::min(lo.y, uv.y)};
+      hi = {std::max(hi.x, uv.x), std::max(hi.y, uv.y)};
+      is_outside = is_outside || !(uv.x >= 0 && uv.x <= 1 && uv.y >= 0 && uv.y <= 1);
+    }
+    outside += is_outside ? 1 : 0;
+  }
+  /// As where each UDIM tile has a material of its own: nothing comes to lie on something else.
+  bool is_one_tile() const { return hi.x <= std::floor(lo.x) + 1 && hi.y <= std::floor(lo.y) + 1; }
+
+ private:
+  static constexpr double kNowhere = std::numeric_limits<double>::infinity();
+};
 
 class PageFinder {
  public:
@@ -82,10 +105,8 @@ class PageFinder {
 
   void look_at_tiles(std::uint32_t t, std::uint32_t set) {
     const std::array<Vec2d, 3> uvs = uvs_of(t);
-    // Counted with tiles, too, but only told where UVs wrap: there it may come as a surprise.
-    bool inside = true;
-    for (const Vec2d uv : uvs) inside = inside && uv.x >= 0 && uv.x <= 1 && uv.y >= 0 && uv.y <= 1;
-    if (!inside) ++outside_;
+    extents_.resize(sets_.size());
+    extents_[set].add(uvs);
     if (!request_.by_tile) return;
     bool beyond = false;
     const std::uint64_t count = mesh::visit_uv_tiles(uvs, [&](UvTile tile) {
@@ -165,11 +186,14 @@ class PageFinder {
       warnings_.push_back(fmt::format("{}: {} of {} triangles have no UVs and get no texels",
                                       target_.path, without_, target_.triangles.size()));
     }
-    if (outside_ > 0 && !request_.by_tile) {
+    // Where they wrap it may come as a surprise.
+    std::uint64_t outside = 0;
+    for (const UvExtent& extent : extents_) outside += extent.is_one_tile() ? 0 : extent.outside;
+    if (outside > 0 && !request_.by_tile) {
       warnings_.push_back(
           fmt::format("{}: the UVs of {} triangles leave the image and wrap around; with <UDIM> in "
                       "the output each tile gets its own image",
-                      target_.path, outside_));
+                      target_.path, outside));
     }
     if (beyond_ > 0) {
       warnings_.push_back(
@@ -186,7 +210,8 @@ class PageFinder {
   std::vector<std::uint32_t> triangle_set_;                  ///< kNoPage: without UVs
   std::map<std::uint32_t, std::uint32_t> set_of_;            ///< material -> texture set
   std::set<std::pair<std::uint32_t, std::uint32_t>> tiles_;  ///< (UDIM, texture set)
-  std::uint64_t without_ = 0, outside_ = 0, beyond_ = 0;
+  std::vector<UvExtent> extents_;                            ///< by texture set
+  std::uint64_t without_ = 0, beyond_ = 0;
   TargetPages out_;
 };
 

@@ -27,8 +27,6 @@ const PixelRows& Sharpener::sharpened() {
   return sharpened_;
 }
 
-PixelRows::PixelRows() {
-  std::fill(std::begin(depth), std::end(depth), kNoDepth);
-}
+PixelRows::PixelRows() { std::fill(std::begin(depth), std::end(depth), kNoDepth); }
 
 }  // namespace pounce::views

@@ -21,9 +21,9 @@ namespace pounce::views {
 /// How a grid's views are sharpened.
 struct Sharpening {
   static constexpr int kMostReach = 8;
-  int reach = 0;          ///< radius of the ring in pixels, up to kMostReach; 0: nothing is done
-  float most_apart = 0;   ///< in steps of depth: what is more is another surface
-  float amount = 0;       ///< of the difference
+  int reach = 0;         ///< radius of the ring in pixels, up to kMostReach; 0: nothing is done
+  float most_apart = 0;  ///< in steps of depth: what is more is another surface
+  float amount = 0;      ///< of the difference
 };
 Sharpening sharpening_of(const Grid& grid);
 
@@ -31,8 +31,7 @@ Sharpening sharpening_of(const Grid& grid);
 struct alignas(64) PixelRows {
   static constexpr int kLanes = surface::kLanes,
                        kFirst = kLanes,  ///< of a row
-                       kEnd = kFirst + (kStoredEdge + kLanes - 1) / kLanes * kLanes,
-                       kRow = kEnd + kLanes;
+      kEnd = kFirst + (kStoredEdge + kLanes - 1) / kLanes * kLanes, kRow = kEnd + kLanes;
   static_assert(Sharpening::kMostReach <= kLanes);
   /// Where nothing is seen, there or beside the tile.
   static constexpr float kNoDepth = std::numeric_limits<float>::infinity();

@@ -64,6 +64,18 @@ TEST_CASE("without tiles all triangles share a page, or those of a material do")
   CHECK(found.warnings.empty());
 }
 
+TEST_CASE("UVs in one tile wrap without a warning, whichever it is") {
+  // Each material has a tile of its own, up to its edges.
+  CHECK(
+      find(mesh_of({{{1, 0}, 0}, {{1.5F, 0.5F}, 0}, {{0, 2}, 1}}), by_material()).warnings.empty());
+  CHECK(find(mesh_of({{{1, 0}, 0}}), {}).warnings.empty());
+  // One image for both, or one material in both.
+  CHECK(find(mesh_of({{{1, 0}, 0}, {{0, 2}, 1}}), {}).warnings.size() == 1);
+  const Found found = find(mesh_of({{{1, 0}, 0}, {{0.9F, 0}, 0}, {{3, 0}, 1}}), by_material());
+  REQUIRE(found.warnings.size() == 1);
+  CHECK(found.warnings[0].find("of 2 triangles") != std::string::npos);
+}
+
 TEST_CASE("without tiles UVs wrap into the image, with a warning") {
   const Found found = find(mesh_of({{{0, 0}, 0}, {{3, 0}, 0}}), {});
   CHECK(found.pages == Texts{"default 1001: 0 1"});

@@ -58,11 +58,11 @@ std::unique_ptr<PixelRows> sharpened(const std::function<Pixel(int x, int y)>& p
       std::size_t unlike = 0;
       for (int y = 0; y < kStoredEdge; ++y) {
         for (int c = 0; c < 3; ++c)
-          unlike += std::memcmp(&found->colour[c][PixelRows::at(0, y)],
-                                &first->colour[c][PixelRows::at(0, y)],
-                                kStoredEdge * sizeof(float)) == 0
-                        ? 0
-                        : 1;
+          unlike +=
+              std::memcmp(&found->colour[c][PixelRows::at(0, y)],
+                          &first->colour[c][PixelRows::at(0, y)], kStoredEdge * sizeof(float)) == 0
+                  ? 0
+                  : 1;
       }
       CHECK(unlike == 0);
     } else {
@@ -162,8 +162,9 @@ TEST_CASE("kernels sharpen alike", "[views]") {
     sharpened(
         [reach](int x, int y) {
           Random pixel(static_cast<std::uint64_t>((reach * kStoredEdge + y) * kStoredEdge + x));
-          return Pixel{{pixel.between(0.0F, 1.0F), pixel.between(0.0F, 8.0F), pixel.between(0.0F, 0.1F)},
-                       pixel.between(0.0F, 1.0F) < 0.1F ? PixelRows::kNoDepth : pixel.between(0.0F, 300.0F)};
+          return Pixel{
+              {pixel.between(0.0F, 1.0F), pixel.between(0.0F, 8.0F), pixel.between(0.0F, 0.1F)},
+              pixel.between(0.0F, 1.0F) < 0.1F ? PixelRows::kNoDepth : pixel.between(0.0F, 300.0F)};
         },
         {reach, 100, 0.4F});
   }
@@ -173,7 +174,7 @@ TEST_CASE("the ring has a radius in space", "[views]") {
   // The region is the box, 3.46 in diagonal: 0.0173 is the radius.
   const Box3f box{{-1, -1, -1}, {1, 1, 1}};
   const auto reach = [&](float edge) { return sharpening_of(Grid(box, edge, 24)).reach; };
-  CHECK(reach(0) == 3);         // pixels of 2^-7.5
+  CHECK(reach(0) == 3);  // pixels of 2^-7.5
   CHECK(reach(1 / 64.0F) == 1);
   CHECK(reach(1 / 16.0F) == 0);  // as large as what would be sharpened
   const Grid grid(box, 0, 24);
