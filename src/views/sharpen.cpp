@@ -11,7 +11,7 @@ namespace {
 constexpr float kRingRadius = 0.005F;
 /// Of the ring's radius: surfaces that lean by up to 63 degrees count as one.
 constexpr float kMostApart = 2;
-constexpr float kAmount = 0.4F;
+constexpr float kAmount = 0.44F;
 
 }  // namespace
 
