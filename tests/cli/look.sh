@@ -20,10 +20,10 @@ stage() { python3 -c 'import json,sys; print([s["cached"] for s in json.load(ope
 expect 0 transfer discs.ply discs_target.glb -o o.png --size 64 --cache cache --report r.json
 json '"views":0'
 expect 0 transfer needles.ply needles_target.glb -o auto.png --size 1024 --cache cache --report r.json
-json '"views":24'
+json '"views":36'
 stage False
 expect 0 transfer needles.ply needles_target.glb -o around.png --size 1024 --look around --no-cache --report r.json
-json '"views":24'
+json '"views":36'
 json '"look":"around"'
 same_picture auto.png around.png || fail 'auto is not around for needles'
 expect 0 transfer needles.ply needles_target.glb -o large.png --size 1500 --cache cache --report r.json

@@ -128,13 +128,16 @@ TEST_CASE("a capture's texels are what the plain form of the rule sees", "[flow]
   TransferOptions options = sphere(folder, needles(random, 20000));
   const Report report = flow::transfer(options, {});
   CHECK(report.discness < 0.5);
-  CHECK(report.views == 24);  // by itself: these are no discs
+  CHECK(report.views == 36);  // by itself: these are no discs
   CHECK(report.target_empty == 0);
 
   const score::Points points = points_of(folder, options);
   const score::Scene scene = score::read_scene(options.source);
   score::AroundOptions plain;
+  plain.views = 36;
   plain.size = 720;  // pixels of about the same edge
+  plain.sharpened = 0.44;
+  plain.ring = 0.005 * std::sqrt(12.0) / points.diagonal;  // of the region, a cube of edge 2
   const auto seen = score::around(scene, io::read_mesh(options.targets[0]), points, plain);
   std::vector<Vec3d> expected;
   std::size_t unseen = 0;
@@ -166,7 +169,7 @@ TEST_CASE("a room is seen as a doll's house, haze and all", "[flow]") {
   TransferOptions options = sphere(folder, scene);
   write_sphere(options.targets[0], true);
   const Report report = flow::transfer(options, {});
-  CHECK(report.views == 24);
+  CHECK(report.views == 36);
   CHECK(report.target_empty == 0);
   const score::Points points = points_of(folder, options);
   std::vector<Vec3d> expected;
@@ -207,6 +210,7 @@ TEST_CASE("where tiles do not stay decoded, small charts are looked up in few pi
   TransferOptions options = sphere(folder, scene);
   write_sphere(options.targets[0], false, true);
   options.splats.look = Look::around;
+  options.splats.views = 24;  // all tiles of so many stay decoded in what is ample below
   const auto pieces = [](const Report& report) {
     return std::find_if(report.nodes.begin(), report.nodes.end(),
                         [](const NodeReport& node) { return node.name == "store"; })

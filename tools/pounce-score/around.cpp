@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "surface/place_tree.h"
 #include "views.h"
@@ -59,6 +60,36 @@ void add(const Shot& shot, const Point& point, double diagonal, const AroundOpti
   sum.clear_weight += weight;
 }
 
+/// Each pixel moves away from the mean of eight around it, as far as opposite ones both show the
+/// same surface.
+void sharpen(Shot& shot, double diagonal, const AroundOptions& o) {
+  const double radius = o.ring * diagonal / shot.view.pixel;
+  const Seen before = shot.scene;
+  const int size = static_cast<int>(shot.view.size);
+  const auto index = [&](int x, int y) { return static_cast<std::size_t>(y * size + x); };
+  for (int y = 0; y < size; ++y) {
+    for (int x = 0; x < size; ++x) {
+      for (int pair = 0; pair < 4; ++pair) {
+        const double angle = pair * std::numbers::pi / 4;
+        const int dx = static_cast<int>(std::lround(std::round(radius) * std::cos(angle))),
+                  dy = static_cast<int>(std::lround(std::round(radius) * std::sin(angle)));
+        bool is_same = true;
+        Vec3d mean;
+        for (const int side : {-1, 1}) {
+          const int nx = x + side * dx, ny = y + side * dy;
+          is_same = is_same && nx >= 0 && ny >= 0 && nx < size && ny < size &&
+                    std::abs(before.depth[index(nx, ny)] - before.depth[index(x, y)]) <=
+                        2 * o.ring * diagonal;
+          if (is_same) mean = mean + before.colours[index(nx, ny)] * 0.5;
+        }
+        if (!is_same) continue;
+        Vec3d& colour = shot.scene.colours[index(x, y)];
+        colour = colour + (before.colours[index(x, y)] - mean) * (o.sharpened / 4);
+      }
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<AroundColour> around(const Scene& scene, const mesh::Mesh& target, const Points& points,
@@ -69,6 +100,7 @@ std::vector<AroundColour> around(const Scene& scene, const mesh::Mesh& target, c
     shots[i].view = view_along(target, ways[i], o.size);
     shots[i].scene = see_scene(scene, shots[i].view, o.harmonics, 1);
     shots[i].target = see_mesh(target, nullptr, shots[i].view, 1);
+    if (o.sharpened > 0) sharpen(shots[i], points.diagonal, o);
   });
   std::vector<AroundColour> out(points.points.size());
   tbb::parallel_for(std::size_t{0}, out.size(), [&](std::size_t p) {

@@ -22,6 +22,8 @@ struct AroundOptions {
   double hidden = 0.04;       ///< of the diagonal: so far before the texel the scene hides it
   double least_alpha = 0.5;   ///< of the scene in a view
   bool harmonics = false;
+  double sharpened = 0;  ///< how far each view's pixels move from what is around them
+  double ring = 0.006;   ///< of the diagonal: as far away as that is
 };
 
 /// What the views that see a point show there.
