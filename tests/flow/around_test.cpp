@@ -293,11 +293,12 @@ TEST_CASE("views are found again for another size and another target", "[flow]")
   CHECK_FALSE(drawn());
   options.splats.views = 12;
   CHECK(drawn());
-  options.splats.views = 24;
+  options.splats.views = kDefaultViews;
   options.targets = {folder.file("target.obj")};
   options.image.size = ImageSize{1024, 512};
   CHECK_FALSE(drawn());
-  CHECK(read_whole(posix_file_system(), options.output) == warm);
+  const bool is_same = read_whole(posix_file_system(), options.output) == warm;
+  CHECK(is_same);  // not by a list of all bytes
 }
 
 TEST_CASE("evidence tells what views agree about", "[flow]") {
