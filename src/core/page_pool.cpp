@@ -9,6 +9,10 @@
 // MADV_DONTNEED costs a call, and a page fault (0.1-0.3 us) when they are used again. They are
 // taken from the highest regions, which empty first.
 //
+// Where the system has huge pages, the first touch of a block of 512 pages makes all of it
+// resident: one fault for 512. What of it was not asked for counts as idle, so that the bound on
+// idle pages holds; where it would not, the block stays one of small pages.
+//
 // A buffer of 64 pages or more that is freed waits as it is for the next one of exactly its size:
 // pieces of work ask for the same large buffers again and again, and would fault all their pages in
 // each time (docs/decisions/003-page-pool.md).
@@ -23,6 +27,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <bitset>
 #include <deque>
 #include <map>
 #include <memory>
@@ -33,6 +38,7 @@ namespace pounce {
 namespace {
 
 constexpr std::size_t kRegionPages = 4096;       // 16 MiB of address space
+constexpr std::size_t kBlockPages = 512;         // a huge page: 2 MiB
 constexpr std::size_t kMostIdlePages = 1024;     // 4 MiB resident
 constexpr std::size_t kGivenBackPages = 64;      // at once, at least
 constexpr std::size_t kLongRun = 64;             // pages from which a run waits for its like
@@ -66,7 +72,8 @@ struct Region {
   std::size_t used_pages = 0, idle_pages = 0;
   std::size_t first_free = 0;  // no free page before this one
   PageBits used{};
-  PageBits idle{};  // free, but resident
+  PageBits idle{};                                // free, but resident
+  std::bitset<kRegionPages / kBlockPages> small;  // blocks without a huge page
 
   /// First run of `count` free pages, or kRegionPages.
   std::size_t find(std::size_t count) {
@@ -91,7 +98,7 @@ struct Pool {
   std::deque<WaitingRun> waiting;  // oldest first
   std::size_t waiting_pages = 0;
   std::map<std::byte*, std::unique_ptr<Region>> regions;
-  std::size_t idle_pages = 0;
+  std::size_t idle_pages = 0, used_pages = 0;
 };
 
 Pool& pool() {
@@ -106,7 +113,46 @@ std::byte* map_pages(std::size_t bytes) {
   return static_cast<std::byte*>(at);
 }
 
+/// A region's pages, from where a huge page can begin. Where the system has none nothing is wrong.
+std::byte* map_region() {
+  constexpr std::size_t kBlockBytes = kBlockPages * kPageBytes;
+  constexpr std::size_t kBytes = kRegionPages * kPageBytes;
+  std::byte* const all = map_pages(kBytes + kBlockBytes);
+  const std::size_t before =
+      (kBlockBytes - reinterpret_cast<std::uintptr_t>(all) % kBlockBytes) % kBlockBytes;
+  if (before > 0) munmap(all, before);
+  if (before < kBlockBytes) munmap(all + before + kBytes, kBlockBytes - before);
+  madvise(all + before, kBytes, MADV_HUGEPAGE);
+  return all + before;
+}
+
+void keep_small(Region& region, std::size_t block) {
+  if (region.small[block]) return;
+  region.small[block] = true;
+  // Nor may the system put one together later on, of pages that were given back.
+  madvise(region.start + block * kBlockPages * kPageBytes, kBlockPages * kPageBytes,
+          MADV_NOHUGEPAGE);
+}
+
+/// Pages `first` to `end` of a block will be touched: the others will be resident, too, and idle.
+void touch(Region& region, std::size_t block, std::size_t first, std::size_t end, Pool& p) {
+  const std::size_t start = block * kBlockPages, beside = kBlockPages - (end - first);
+  if (region.small[block]) return;
+  for (std::size_t word = start / 64; word < (start + kBlockPages) / 64; ++word)
+    if ((region.used[word] | region.idle[word]) != 0) return;  // touched before
+  if (beside > p.used_pages || p.idle_pages + beside > kMostIdlePages)
+    return keep_small(region, block);
+  for (std::size_t page = start; page < start + kBlockPages; ++page)
+    if (page < first || page >= end) region.idle[page / 64] |= 1ULL << (page % 64);
+  region.idle_pages += beside;
+  p.idle_pages += beside;
+}
+
 void mark_used(Region& region, std::size_t first, std::size_t count, Pool& p) {
+  for (std::size_t block = first / kBlockPages; block * kBlockPages < first + count; ++block) {
+    touch(region, block, std::max(first, block * kBlockPages),
+          std::min(first + count, (block + 1) * kBlockPages), p);
+  }
   for (std::size_t page = first; page < first + count; ++page) {
     const std::uint64_t bit = 1ULL << (page % 64);
     region.used[page / 64] |= bit;
@@ -117,6 +163,7 @@ void mark_used(Region& region, std::size_t first, std::size_t count, Pool& p) {
     }
   }
   region.used_pages += count;
+  p.used_pages += count;
 }
 
 /// Gives idle pages back to the system until that many are left. With p.mutex held.
@@ -129,6 +176,9 @@ void give_back(Pool& p, std::size_t most_idle) {
       const std::size_t first = next(region.idle, true, end);
       if (first == kRegionPages) break;
       end = std::min(next(region.idle, false, first), first + (p.idle_pages - most_idle));
+      for (std::size_t block = first / kBlockPages; block * kBlockPages < end; ++block)
+        if (first > block * kBlockPages || end < (block + 1) * kBlockPages)
+          keep_small(region, block);
       madvise(region.start + first * kPageBytes, (end - first) * kPageBytes, MADV_DONTNEED);
       for (std::size_t page = first; page < end; ++page)
         region.idle[page / 64] &= ~(1ULL << (page % 64));
@@ -152,6 +202,7 @@ void free_run(Pool& p, std::byte* at, std::size_t pages) {
   region.idle_pages += pages;
   if (first < region.first_free) region.first_free = first;
   region.used_pages -= pages;
+  p.used_pages -= pages;
   if (region.used_pages == 0) {
     p.idle_pages -= region.idle_pages;
     munmap(region.start, kRegionPages * kPageBytes);
@@ -171,8 +222,7 @@ void* PagePool::allocate(std::size_t bytes) {
   const std::size_t pages = (bytes + kPageBytes - 1) / kPageBytes;
   if (pages == 0) return nullptr;
   // A run must fit into a region beside others; a mapping of its own is also given back at once.
-  // Where the system has huge pages they replace hundreds of faults each. They lie inside of the
-  // mapping, all of which is counted. Where it has none nothing is wrong.
+  // All of it is counted, so all of it may be huge pages.
   if (pages > kRegionPages / 2) {
     std::byte* const at = map_pages(pages * kPageBytes);
     madvise(at, pages * kPageBytes, MADV_HUGEPAGE);
@@ -206,7 +256,7 @@ void* PagePool::allocate(std::size_t bytes) {
     return start + first * kPageBytes;
   }
   auto region = std::make_unique<Region>();
-  region->start = map_pages(kRegionPages * kPageBytes);
+  region->start = map_region();
   mark_used(*region, 0, pages, p);
   std::byte* const start = region->start;
   p.regions.emplace(start, std::move(region));
