@@ -19,7 +19,7 @@ namespace {
 
 Hash128 hash_of(JobContext& job, const ReadFile& file) {
   // In pieces, under a lease: a scene may be larger than memory.
-  constexpr std::uint64_t kPiece = 1 << 20;
+  constexpr std::uint64_t kPiece = 1 << 17;
   const runtime::Lease lease(job.budget, kPiece, "hashing the inputs");
   PageVector<std::byte> bytes(std::min(kPiece, file.size_bytes()));
   Hasher hash;

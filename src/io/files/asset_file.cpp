@@ -260,7 +260,7 @@ Hash128 hash_image(const mesh::ImageRef& image) {
   // By content and not by name or time: a copied file finds its column again, an edited one does
   // not.
   ByteSource bytes(image);
-  std::vector<std::byte> piece(std::min<std::uint64_t>(bytes.size_bytes(), 1 << 20));
+  std::vector<std::byte> piece(std::min<std::uint64_t>(bytes.size_bytes(), 1 << 17));
   Hasher hasher;
   for (std::uint64_t at = 0; at < bytes.size_bytes();) {
     const std::size_t got = bytes.read_at(at, piece.data(), piece.size());
