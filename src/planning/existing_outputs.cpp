@@ -22,7 +22,7 @@ namespace pounce::planning {
 
 namespace {
 
-std::vector<std::string> images_of(const SourcePlan& plan, const ChannelPlan& channel) {
+std::vector<std::string> files_of(const SourcePlan& plan, const ChannelPlan& channel) {
   std::set<std::size_t> columns;
   for (const PageTexture& page : channel.pages) {
     if (page.column >= 0) columns.insert(static_cast<std::size_t>(page.column));
@@ -104,7 +104,7 @@ void keep_existing(const SourcePlan& plan, FileTime meshes, const std::set<std::
                    TargetPlan& target) {
   for (std::size_t c = 0; c < plan.channels.size(); ++c) {
     // By the channel's own images: a repainted colour does not outdate the normal map.
-    const FileTime source = std::max(meshes, newest(images_of(plan, plan.channels[c])));
+    const FileTime source = std::max(meshes, newest(files_of(plan, plan.channels[c])));
     for (ImageOutput& image : target.images[c]) {
       if (image.elsewhere) continue;
       const FileTime old =

@@ -30,8 +30,8 @@ constexpr std::uint64_t kMostBlockBytes = 256 << 20, kMostBlockBytesOfAll = 1 <<
 
 enum Coding : std::uint8_t { kNone = 0, kRuns = 1, kZipRow = 2, kZip = 3, kDwaa = 8, kDwab = 9 };
 
-/// A header of an EXR, that is of one of its parts.
-struct Part {
+/// What the header says of one of an EXR's parts.
+struct HeaderPart {
   std::uint64_t end = 0;  ///< behind the header
   std::int64_t width = 0, height = 0;
   std::uint64_t texel_bytes = 0;
@@ -107,7 +107,7 @@ class Guard {
     constexpr std::uint32_t kSeveral = 0x1000, kDeep = 0x800;
     const bool several = several_ = (at_.u32(4) & kSeveral) != 0;
     may_be_deep_ = (at_.u32(4) & (kSeveral | kDeep)) != 0;
-    std::vector<Part> parts;
+    std::vector<HeaderPart> parts;
     std::uint64_t position = 8, chunks = 0, room = 0;
     do {
       parts.push_back(header(position, kMostHeaderBytes));
@@ -128,7 +128,7 @@ class Guard {
                       room >> 20, kMostBlockBytesOfAll >> 20));
     }
     position += several ? 1 : 0;
-    for (const Part& part : parts) {
+    for (const HeaderPart& part : parts) {
       // A damaged one goes to the decoder, which says so.
       if (part.width > 0 && part.height > 0 && !part.deep) {
         check_places(part, position);
@@ -152,8 +152,8 @@ class Guard {
     return text;
   }
 
-  Part header(std::uint64_t position, std::uint64_t most_end) {
-    Part part;
+  HeaderPart header(std::uint64_t position, std::uint64_t most_end) {
+    HeaderPart part;
     std::set<std::string> missing{"compression", "dataWindow", "displayWindow"};
     for (;;) {
       const std::string name = text(position);
@@ -175,7 +175,7 @@ class Guard {
       take(name, position, size, part);
       if (type == "stringvector") check_strings(position, position + size);
       // Whatever its name: OpenEXR reads it to the end that it says itself, and goes on behind.
-      Part other;
+      HeaderPart other;
       if (type == "chlist") take_channels(position, position + size, is_list ? part : other);
       if (is_list && type != "chlist")
         at_.refuse(
@@ -218,7 +218,7 @@ class Guard {
                     name, size, type, needed));
   }
 
-  void take(const std::string& name, std::uint64_t position, std::uint32_t size, Part& part) {
+  void take(const std::string& name, std::uint64_t position, std::uint32_t size, HeaderPart& part) {
     const auto side = [&](std::uint64_t low, std::uint64_t high) {
       return std::int64_t{static_cast<std::int32_t>(at_.u32(position + high))} -
              static_cast<std::int32_t>(at_.u32(position + low)) + 1;
@@ -250,7 +250,7 @@ class Guard {
 
   /// Of a file in parts. A type that no part has would stand in the decoder's message, whatever it
   /// says.
-  void take_type(std::uint64_t position, std::uint32_t size, Part& part) {
+  void take_type(std::uint64_t position, std::uint32_t size, HeaderPart& part) {
     constexpr std::array<std::string_view, 4> kTypes{"scanlineimage", "tiledimage", "deepscanline",
                                                      "deeptile"};
     std::string type;
@@ -263,7 +263,7 @@ class Guard {
   }
 
   /// Name, type, four bytes, sampling across and down.
-  void take_channels(std::uint64_t position, std::uint64_t end, Part& part) {
+  void take_channels(std::uint64_t position, std::uint64_t end, HeaderPart& part) {
     constexpr std::uint32_t kFloat = 2;
     constexpr std::uint64_t kSampling = 8, kChannelBytes = 16;
     part.texel_bytes = 0;
@@ -285,7 +285,7 @@ class Guard {
       at_.refuse("the EXR's channel list is empty or not terminated; the file is damaged");
   }
 
-  void check_sizes(const Part& part) {
+  void check_sizes(const HeaderPart& part) {
     if (part.width > static_cast<std::int64_t>(kLargestSide) ||
         part.height > static_cast<std::int64_t>(kLargestSide)) {
       at_.refuse(fmt::format("the image is {} x {} texels, but each side must be 1 to {}",
@@ -305,7 +305,7 @@ class Guard {
 
   /// Where a place is missing OpenEXR takes none of them: it takes chunks as they follow in the
   /// file.
-  void check_places(const Part& part, std::uint64_t list) {
+  void check_places(const HeaderPart& part, std::uint64_t list) {
     const std::uint64_t count = part.places();
     for (std::uint64_t i = 1; i < count; ++i) {  // the first is looked at more closely
       if (at_.number(list + 8 * i, 8) - 1 >= INT64_MAX) {
@@ -318,7 +318,7 @@ class Guard {
 
   /// The chunk whose place stands at `list`: the number of its part where there are several, where
   /// it belongs, its size, its data.
-  void check_first_chunk(const Part& part, std::uint64_t list, bool several) {
+  void check_first_chunk(const HeaderPart& part, std::uint64_t list, bool several) {
     const std::uint64_t chunk = at_.number(list, 8);
     const std::uint64_t head = (several ? 4 : 0) + (part.tile_width > 0 ? 16 : 4);
     const bool inside = chunk >= list && chunk < at_.size() && at_.size() - chunk > head + 4;
