@@ -6,12 +6,12 @@
 // Buffers are 1 page to a few hundred; larger ones get a mapping of their own. Regions keep the
 // number of mappings small (the kernel allows 65,530). Freed pages stay resident for the next
 // buffer. Where more than kMostIdlePages would, many are given back at once, neighbours together:
-// MADV_DONTNEED costs a call, and a page fault (0.1-0.3 us) when they are used again. They are
-// taken from the highest regions, which empty first.
+// MADV_DONTNEED costs a call, and a page fault (0.1-0.3 us, under a hypervisor up to 8) when they
+// are used again. They are taken from the highest regions, which empty first.
 //
 // Where the system has huge pages, the first touch of a block of 512 pages makes all of it
-// resident: one fault for 512. What of it was not asked for counts as idle, so that the bound on
-// idle pages holds; where it would not, the block stays one of small pages.
+// resident: one fault for 512. What of it was not asked for counts as idle. Where that were more
+// than is in use, or more than may be idle, the block stays one of small pages.
 //
 // A buffer of 64 pages or more that is freed waits as it is for the next one of exactly its size:
 // pieces of work ask for the same large buffers again and again, and would fault all their pages in
@@ -257,9 +257,9 @@ void* PagePool::allocate(std::size_t bytes) {
   }
   auto region = std::make_unique<Region>();
   region->start = map_region();
-  mark_used(*region, 0, pages, p);
   std::byte* const start = region->start;
-  p.regions.emplace(start, std::move(region));
+  Region& first = *p.regions.emplace(start, std::move(region)).first->second;
+  mark_used(first, 0, pages, p);
   return start;
 }
 
