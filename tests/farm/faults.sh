@@ -49,7 +49,7 @@ rm twenty.*.png
 submit job.controller "${job[@]}" --tasks 12
 wait_for 'running n1'
 cluster restart-controller
-(until pkill -KILL -f -- '--task 7/12'; do sleep 0.01; done) & killer=$!
+(until pkill -KILL -f -- 'job.controller --task 7/12'; do sleep 0.01; done) & killer=$!
 settle 300
 wait $killer
 submit job.controller

@@ -20,7 +20,7 @@ grep -q 'all is done' submitted || fail "what is done is done again: $(cat submi
 one=(plane.glb plane.glb -o one.png --size 1500)
 "$POUNCE" transfer "${one[@]}" -q
 mkdir quiet.one && mv one.png quiet.one
-(until pkill -KILL -f -- '--task 2/2'; do sleep 0.01; done) &
+(until pkill -KILL -f -- 'job.one --task 2/2'; do sleep 0.01; done) &
 killer=$!
 submit job.one "${one[@]}" --tasks 2 --mem 600MiB
 settle 60
