@@ -142,24 +142,6 @@ TEST_CASE("what is resident is used again before what would be faulted in") {
   release(many, 0);
 }
 
-TEST_CASE("of huge pages, too, what is released goes back to the system") {
-  constexpr std::size_t kBytes = 30 * kPageBytes, kCount = 600;
-  std::vector<Buffer> buffers(kCount, {nullptr, kBytes, 1});
-  for (Buffer& buffer : buffers) {
-    buffer.at = static_cast<std::uint64_t*>(PagePool::instance().allocate(kBytes));
-    fill(buffer);
-  }
-  const std::size_t resident = resident_bytes();
-  // Every other page of a huge one cannot go back to the system as part of it.
-  for (std::size_t i = 0; i < kCount; i += 2)
-    PagePool::instance().release(buffers[i].at, buffers[i].bytes);
-  CHECK(resident_bytes() + kCount / 2 * kBytes < resident + (std::size_t{8} << 20));
-  for (std::size_t i = 1; i < kCount; i += 2) {
-    if (!intact(buffers[i])) FAIL("overwritten");
-    PagePool::instance().release(buffers[i].at, buffers[i].bytes);
-  }
-}
-
 TEST_CASE("a page vector grows, shrinks and moves like any vector") {
   PageVector<int> numbers;
   for (int i = 0; i < 3000000; ++i) numbers.push_back(i);
