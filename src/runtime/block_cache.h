@@ -3,7 +3,11 @@
 
 #include <atomic>
 #include <cstdint>
+#include <exception>
+#include <future>
 #include <memory>
+#include <mutex>
+#include <unordered_map>
 #include <utility>
 
 #include "runtime/memory_budget.h"
@@ -12,8 +16,7 @@ namespace pounce::runtime {
 
 /// An open store and what was decoded of it: kept in what the leases leave of the budget, else
 /// read, checked and decoded again. Whoever asks shares the ownership of what it gets; what it
-/// holds is under its own lease. Two threads that miss at once both decode: rarer than a lock would
-/// cost. Thread-safe.
+/// holds is under its own lease. Thread-safe.
 ///
 /// `Reader` owns the store and knows how to read it:
 ///   Index, Entry, Block                what a part of the index, an entry of it and a block are
@@ -21,12 +24,17 @@ namespace pounce::runtime {
 ///   Block read_block(entry) const, uint64_t block_bytes(entry) const      (decoded)
 ///   uint64_t index_place(part) const, uint64_t place(entry) const         (offsets: multiples of
 ///   8)
+///   bool kReadsAlone                   reading a block waits for no other thread. Then threads
+///   that
+///                                      ask for one at once wait for the first of them; else each
+///                                      decodes it
 template <class Reader>
 class BlockCache {
  public:
   using Index = typename Reader::Index;
   using Entry = typename Reader::Entry;
   using Block = typename Reader::Block;
+  using BlockPtr = std::shared_ptr<const Block>;
 
   BlockCache(MemoryBudget& budget, Reader reader) : budget_(budget), reader_(std::move(reader)) {}
   ~BlockCache() { budget_.forget(id()); }
@@ -47,22 +55,55 @@ class BlockCache {
     return made;
   }
 
-  std::shared_ptr<const Block> block(const Entry& entry) const {
+  BlockPtr block(const Entry& entry) const {
     if (auto kept = kept_block(entry)) return kept;
-    auto made = std::make_shared<const Block>(reader_.read_block(entry));
-    budget_.keep({id(), reader_.place(entry)}, made, reader_.block_bytes(entry));
+    if constexpr (!Reader::kReadsAlone) return read(entry);
+    const std::uint64_t place = reader_.place(entry);
+    std::promise<BlockPtr> promise;
+    {
+      std::unique_lock lock(mutex_);
+      if (const auto other = under_way_.find(place); other != under_way_.end()) {
+        const std::shared_future<BlockPtr> made = other->second;
+        lock.unlock();
+        return made.get();
+      }
+      if (auto kept = kept_block(entry)) return kept;  // meanwhile
+      under_way_.emplace(place, promise.get_future().share());
+    }
+    BlockPtr made;
+    try {
+      made = read(entry);
+      promise.set_value(made);
+    } catch (...) {
+      promise.set_exception(std::current_exception());
+      end(place);
+      throw;
+    }
+    end(place);
     return made;
   }
   /// The same where it need not be decoded; else null.
-  std::shared_ptr<const Block> kept_block(const Entry& entry) const {
+  BlockPtr kept_block(const Entry& entry) const {
     return std::static_pointer_cast<const Block>(budget_.find({id(), reader_.place(entry)}));
   }
 
  private:
   std::uint64_t id() const { return reinterpret_cast<std::uintptr_t>(this); }
 
+  BlockPtr read(const Entry& entry) const {
+    auto made = std::make_shared<const Block>(reader_.read_block(entry));
+    budget_.keep({id(), reader_.place(entry)}, made, reader_.block_bytes(entry));
+    return made;
+  }
+  void end(std::uint64_t place) const {
+    const std::lock_guard lock(mutex_);
+    under_way_.erase(place);
+  }
+
   MemoryBudget& budget_;
   const Reader reader_;
+  mutable std::mutex mutex_;  ///< guards what follows
+  mutable std::unordered_map<std::uint64_t, std::shared_future<BlockPtr>> under_way_;
   mutable std::atomic<std::uint64_t> indices_read_{0};
 };
 

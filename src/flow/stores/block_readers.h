@@ -53,6 +53,7 @@ struct TileReader {
   using Index = std::vector<BlockEntry>;
   using Entry = BlockEntry;
   using Block = Decoded;
+  static constexpr bool kReadsAlone = true;
 
   job::JobContext* job;
   std::shared_ptr<Store> store;
@@ -114,6 +115,7 @@ struct ColourReader {
   using Index = std::vector<store::ChunkRef>;
   using Entry = store::ChunkRef;
   using Block = store::ColourTile;
+  static constexpr bool kReadsAlone = false;  // a whole image may have to be built
 
   job::JobContext* job;
   std::unique_ptr<store::ColourStore> store;
