@@ -209,11 +209,12 @@ std::uint64_t DiskPlan::spare_bytes(std::uint64_t limit_bytes) const {
 std::uint64_t DiskPlan::plain_bytes(std::uint64_t limit_bytes, std::uint64_t largest_file_bytes,
                                     std::uint64_t memory_bytes) const {
   // So little stays in the system's cache of files, and its room is given back to whoever needs it.
-  // Beyond that the disk is what waits, and compressing is cheaper.
-  constexpr std::uint64_t kShare = 8;
+  // Beyond that the disk is what waits, and compressing is cheaper. What the process itself takes
+  // is as much as the least.
+  constexpr std::uint64_t kShare = 8, kLeast = 32 << 20;
   const std::uint64_t most = forecast().scratch_bytes;
   const bool fits = (limit_bytes == 0 || most <= limit_bytes) && most <= largest_file_bytes;
-  return fits ? memory_bytes / kShare : 0;
+  return fits ? std::max(memory_bytes / kShare, kLeast) : 0;
 }
 
 DiskForecast DiskPlan::forecast() const {

@@ -50,15 +50,22 @@ void EncodedBlock::encode(job::JobContext& job, const Shaping& shaping) {
   entry.size_class = static_cast<std::uint32_t>(store::SplatLattice::key_size_class(cut.first_key));
   for (const store::Splat& s : cut.splats) entry.box.extend(store::splat_box(s));
   block.assign(cut.splats, lobes_, cut.sh);
-  store::encode(block, raw);
-  job.compressor().compress(raw, stored,
-                            job.stores->persistent() ? store::kZstdLevel : store::kFastLevel,
-                            job.stores_room());
+  store(job);
   noise.clear();
   sizes.clear();
   if (!asked_for_noise(cut.ordinal, noise_step_log2(cut.ordinal))) return;
   gaussian::append_surface_noise(block, noise);
   if (shaping.are_points) sizes.push_back(gaussian::median_size(cut.splats));
+}
+
+void EncodedBlock::store(job::JobContext& job) {
+  if (store::PlainRoom* const room = job.stores_room(); room != nullptr) {
+    store::encode(block, raw, store::SplatBytes::plain);
+    if (store::Compressor::keep_as_is(raw, stored, room)) return;
+  }
+  store::encode(block, raw);
+  job.compressor().compress(raw, stored,
+                            job.stores->persistent() ? store::kZstdLevel : store::kFastLevel);
 }
 
 void BlockEstimate::add(std::uint64_t ordinal, const std::vector<float>& figures) {

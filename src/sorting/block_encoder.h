@@ -36,6 +36,8 @@ struct EncodedBlock {
   void encode(job::JobContext& job, const Shaping& shaping);
 
  private:
+  void store(job::JobContext& job);
+
   std::uint32_t lobes_;
 };
 

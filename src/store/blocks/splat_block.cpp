@@ -27,6 +27,7 @@ namespace {
 
 constexpr std::uint32_t kHasNormals = 1;
 constexpr std::uint32_t kDegreeShift = 1, kMostDegree = 3;  // of the harmonics: two bits
+constexpr std::uint32_t kIsPlain = 8;                       // columns passed no filter
 constexpr std::size_t kColumns = 14, kNormalColumns = 3, kHeaderBytes = 8;
 
 /// Visits every column in the payload's order: (column, its values are near their neighbours').
@@ -44,19 +45,53 @@ void for_columns(Block& block, bool normals, const Visitor& visit) {
 /// How far from 1 the squared length of what was rounded to 16 significant bits may be.
 constexpr float kLengthSlack = 0x1p-12F;
 
-/// Is this what a reader of scenes lets through? Everything that follows relies on it.
-bool is_legal(const Splat& s) {
-  const auto finite = [](Vec3f v) {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+/// How many there are; in a form that becomes vector code.
+template <class IsBroken>
+std::uint32_t count_broken(std::size_t count, const IsBroken& is_broken) {
+  std::uint32_t broken = 0;
+  for (std::size_t i = 0; i < count; ++i) broken += is_broken(i) ? 1U : 0U;
+  return broken;
+}
+
+/// Is all of it what a reader of scenes lets through? Everything that follows relies on it. Column
+/// by column: small budgets read a block again for each part of a view.
+bool are_legal(const SplatBlock& block) {
+  const std::size_t count = block.size();
+  constexpr std::uint32_t kInfinity = 0x7F800000, kMagnitude = 0x7FFFFFFF;
+  std::uint32_t broken = 0;
+  const auto check = [&](const auto& is_broken) { broken += count_broken(count, is_broken); };
+  const auto check_finite = [&](const PageVector<float>& column) {
+    check([v = column.data()](std::size_t i) {
+      return (std::bit_cast<std::uint32_t>(v[i]) & kInfinity) == kInfinity;
+    });
   };
-  float length = 0;
-  for (const float q : s.rotation) length += q * q;
-  const float normal = dot(s.normal, s.normal);
-  return finite(s.mean) && finite(s.sigma) &&
-         !(std::isnan(s.colour.x) || std::isnan(s.colour.y) || std::isnan(s.colour.z)) &&
-         std::min({s.sigma.x, s.sigma.y, s.sigma.z}) >= 0 && size_of(s) > 0 &&
-         std::abs(length - 1) <= kLengthSlack && s.alpha > 0 && s.alpha <= 1 &&
-         (normal == 0 || std::abs(normal - 1) <= kLengthSlack);
+  for (const auto& column : block.mean) check_finite(column);
+  for (const auto& column : block.sigma) check_finite(column);
+  check([x = block.sigma[0].data(), y = block.sigma[1].data(),
+         z = block.sigma[2].data()](std::size_t i) {
+    const float least = std::min(std::min(x[i], y[i]), z[i]),
+                most = std::max(std::max(x[i], y[i]), z[i]);
+    return !(least >= 0 && most > 0);
+  });
+  check([w = block.rotation[0].data(), x = block.rotation[1].data(), y = block.rotation[2].data(),
+         z = block.rotation[3].data()](std::size_t i) {
+    const float length = w[i] * w[i] + x[i] * x[i] + y[i] * y[i] + z[i] * z[i];
+    return !(std::abs(length - 1) <= kLengthSlack);
+  });
+  check([a = block.alpha.data()](std::size_t i) { return !(a[i] > 0 && a[i] <= 1); });
+  for (const auto& column : block.colour) {
+    check([v = column.data()](std::size_t i) {
+      return (std::bit_cast<std::uint32_t>(v[i]) & kMagnitude) > kInfinity;
+    });
+  }
+  if (!block.normal[0].empty()) {
+    check([x = block.normal[0].data(), y = block.normal[1].data(),
+           z = block.normal[2].data()](std::size_t i) {
+      const float length = x[i] * x[i] + y[i] * y[i] + z[i] * z[i];
+      return !(length == 0 || std::abs(length - 1) <= kLengthSlack);
+    });
+  }
+  return broken == 0;
 }
 
 /// Larger than the rounding of the few operations that make a box.
@@ -83,9 +118,9 @@ std::uint32_t degree_of(std::uint32_t lobes) {
 
 bool all_finite(std::span<const std::uint16_t> halves) {
   constexpr std::uint16_t kExponent = 0x7C00;
-  bool finite = true;
-  for (const std::uint16_t half : halves) finite &= (half & kExponent) != kExponent;
-  return finite;
+  std::uint32_t broken = 0;
+  for (const std::uint16_t half : halves) broken += (half & kExponent) == kExponent ? 1U : 0U;
+  return broken == 0;
 }
 
 void round_for_store(Splat& splat) {
@@ -161,34 +196,43 @@ std::uint64_t SplatBlock::decoded_bytes(std::size_t splats, bool normals, std::u
          round_to_pages(splats * lobe_bytes(lobes));
 }
 
-void encode(const SplatBlock& block, std::vector<std::byte>& raw) {
-  const bool normals = !block.normal[0].empty();
+void encode(const SplatBlock& block, std::vector<std::byte>& raw, SplatBytes form) {
+  const bool normals = !block.normal[0].empty(), is_plain = form == SplatBytes::plain;
   const auto count = static_cast<std::uint32_t>(block.size());
-  const std::uint32_t flags =
-      (normals ? kHasNormals : 0U) | (degree_of(block.lobes) << kDegreeShift);
+  const std::uint32_t flags = (normals ? kHasNormals : 0U) |
+                              (degree_of(block.lobes) << kDegreeShift) | (is_plain ? kIsPlain : 0U);
   const std::size_t bytes = block.size() * sizeof(float);
   const auto sh = std::as_bytes(std::span(block.sh));
   raw.resize(kHeaderBytes + bytes * (kColumns + (normals ? kNormalColumns : 0)) + sh.size());
   std::memcpy(raw.data(), &count, 4);
   std::memcpy(raw.data() + 4, &flags, 4);
-  std::vector<std::byte> values(bytes);
+  std::vector<std::byte> values(is_plain ? 0 : bytes);
   std::size_t at = kHeaderBytes;
   for_columns(block, normals, [&](const PageVector<float>& column, bool near) {
     if (bytes == 0) return;
-    std::memcpy(values.data(), column.data(), bytes);
-    if (near) delta(values, sizeof(float), 1);
-    shuffle(values, sizeof(float), std::span(raw).subspan(at, bytes));
+    if (is_plain) {
+      std::memcpy(raw.data() + at, column.data(), bytes);
+    } else {
+      std::memcpy(values.data(), column.data(), bytes);
+      if (near) delta(values, sizeof(float), 1);
+      shuffle(values, sizeof(float), std::span(raw).subspan(at, bytes));
+    }
     at += bytes;
   });
-  if (!sh.empty()) shuffle(sh, sizeof(std::uint16_t), std::span(raw).subspan(at, sh.size()));
+  if (sh.empty()) return;
+  if (is_plain) {
+    std::memcpy(raw.data() + at, sh.data(), sh.size());
+  } else {
+    shuffle(sh, sizeof(std::uint16_t), std::span(raw).subspan(at, sh.size()));
+  }
 }
 
 SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name) {
   ByteReader in(raw, name);
   const auto count = in.get<std::uint32_t>();
   const auto flags = in.get<std::uint32_t>();
-  const bool normals = (flags & kHasNormals) != 0;
-  const std::uint32_t degree = flags >> kDegreeShift;
+  const bool normals = (flags & kHasNormals) != 0, is_plain = (flags & kIsPlain) != 0;
+  const std::uint32_t degree = (flags & ~kIsPlain) >> kDegreeShift;
   const std::size_t columns = kColumns + (normals ? kNormalColumns : 0);
   if (count > kMostSplatsPerBlock || degree > kMostDegree ||
       in.left() != (columns * sizeof(float) + lobe_bytes(kLobesOfDegree[degree])) * count) {
@@ -196,21 +240,23 @@ SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name
   }
   SplatBlock block;
   block.lobes = kLobesOfDegree[degree];
+  const auto read = [&](std::span<std::byte> values, std::size_t element_bytes) {
+    const auto stored = in.take(values.size());
+    if (!is_plain) return unshuffle(stored, element_bytes, values);
+    if (!values.empty()) std::memcpy(values.data(), stored.data(), values.size());
+  };
   constexpr std::size_t kLanes = 16;  // whoever wants whole registers can have them in place
   for_columns(block, normals, [&](PageVector<float>& column, bool near) {
     column.reserve((std::size_t{count} + kLanes - 1) / kLanes * kLanes);
     column.resize(count);
     const auto bytes = std::as_writable_bytes(std::span(column));
-    unshuffle(in.take(bytes.size()), sizeof(float), bytes);
-    if (near) undelta(bytes, sizeof(float), 1);
+    read(bytes, sizeof(float));
+    if (near && !is_plain) undelta(bytes, sizeof(float), 1);
   });
   block.sh.resize(std::size_t{3} * block.lobes * count);
-  const auto sh = std::as_writable_bytes(std::span(block.sh));
-  if (!sh.empty()) unshuffle(in.take(sh.size()), sizeof(std::uint16_t), sh);
+  read(std::as_writable_bytes(std::span(block.sh)), sizeof(std::uint16_t));
   if (!all_finite(block.sh)) in.fail("has non-finite spherical harmonics");
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!is_legal(block.splat(i))) in.fail("has an invalid Gaussian");
-  }
+  if (!are_legal(block)) in.fail("has an invalid Gaussian");
   return block;
 }
 

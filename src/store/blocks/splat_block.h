@@ -94,8 +94,12 @@ struct SplatRows {
   PageVector<std::uint16_t> sh;
 };
 
-/// Serialises a block into `raw` (replaced), filtered for compression. Layout: docs/tile-format.md.
-void encode(const SplatBlock& block, std::vector<std::byte>& raw);
+/// Filtered for compression, or as they are in memory, for what is not compressed.
+enum class SplatBytes : std::uint8_t { filtered, plain };
+
+/// Serialises a block into `raw` (replaced). Layout: docs/tile-format.md.
+void encode(const SplatBlock& block, std::vector<std::byte>& raw,
+            SplatBytes form = SplatBytes::filtered);
 /// The inverse. Throws Error(damaged_store) naming `name` if `raw` is not what encode() makes of
 /// Gaussians that a reader lets through.
 SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name);

@@ -55,15 +55,16 @@ TEST_CASE("stores add up; of what comes and goes the largest counts") {
 }
 
 TEST_CASE("scratch is stored as it is where all of it fits its limits so") {
-  constexpr std::uint64_t kMemory = 800, kAny = UINT64_MAX;
+  constexpr std::uint64_t kMemory = 800ULL << 20, kAny = UINT64_MAX, kShare = 100ULL << 20;
   DiskPlan plan(false, 0);
   plan.add_column(image_info(256));
   const std::uint64_t needed = plan.forecast().scratch_bytes;
-  CHECK(plan.plain_bytes(needed, kAny, kMemory) == 100);
-  CHECK(plan.plain_bytes(0, kAny, kMemory) == 100);  // no limit
+  CHECK(plan.plain_bytes(needed, kAny, kMemory) == kShare);
+  CHECK(plan.plain_bytes(0, kAny, kMemory) == kShare);  // no limit
   CHECK(plan.plain_bytes(needed - 1, kAny, kMemory) == 0);
-  CHECK(plan.plain_bytes(needed, needed, kMemory) == 100);
+  CHECK(plan.plain_bytes(needed, needed, kMemory) == kShare);
   CHECK(plan.plain_bytes(needed, needed - 1, kMemory) == 0);  // ulimit -f
+  CHECK(plan.plain_bytes(needed, kAny, 800) == 32ULL << 20);
 }
 
 TEST_CASE("what a later run alone needs gets what the forecast leaves of a limit") {

@@ -3,6 +3,7 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <limits>
 
 #include "support/bytes.h"
 #include "support/memory_file_system.h"
@@ -105,7 +106,8 @@ TEST_CASE("splat blocks come back as they went in", "[tiles]") {
   SplatBlock block;
   block.assign(splats, lobes, sh);
   std::vector<std::byte> raw;
-  encode(block, raw);
+  const SplatBytes form = GENERATE(SplatBytes::filtered, SplatBytes::plain);
+  encode(block, raw, form);
   const SplatBlock back = decode_splats(raw, "block");
   REQUIRE(back.size() == count);
   CHECK(back.normal[0].empty() == !normals);
@@ -127,7 +129,7 @@ TEST_CASE("splat blocks come back as they went in", "[tiles]") {
   CHECK(refused(raw));
   raw.pop_back();
   const std::byte flags = raw[4];
-  for (const unsigned other : {1U, 2U, 4U, 8U}) {  // what is there says otherwise
+  for (const unsigned other : {1U, 2U, 4U, 16U}) {  // what is there says otherwise
     raw[4] = flags ^ static_cast<std::byte>(other);
     CHECK(refused(raw));
   }
@@ -135,9 +137,46 @@ TEST_CASE("splat blocks come back as they went in", "[tiles]") {
   if (lobes == 0) return;
   for (const int broken : {0x7C00, 0xFC00, 0x7E00}) {  // infinities, NaN
     block.sh[0] = static_cast<std::uint16_t>(broken);
-    encode(block, raw);
+    encode(block, raw, form);
     CHECK(refused(raw));
   }
+}
+
+TEST_CASE("a splat block with one Gaussian that no reader lets through is refused", "[tiles]") {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity(), kNan = NAN;
+  std::mt19937 random(3);
+  std::vector<Splat> sound(50);
+  for (Splat& splat : sound) splat = some_splat(random, true);
+  const SplatBytes form = GENERATE(SplatBytes::filtered, SplatBytes::plain);
+  const std::size_t at = GENERATE(0U, 17U, 49U);  // in whole registers and behind the last
+  const auto is_refused = [&](const auto& change) {
+    std::vector<Splat> splats = sound;
+    change(splats[at]);
+    SplatBlock block;
+    block.assign(splats);
+    std::vector<std::byte> raw;
+    encode(block, raw, form);
+    return test::error_kind([&] { decode_splats(raw, "block"); }) == test::kDamaged;
+  };
+  CHECK_FALSE(is_refused([](Splat&) {}));
+  CHECK_FALSE(is_refused([](Splat& s) { s.colour = {-1, 2, kInfinity}; }));  // a half can be that
+  CHECK_FALSE(is_refused([](Splat& s) { s.sigma = {0, 1, -0.0F}; }));
+  CHECK_FALSE(is_refused([](Splat& s) { s.alpha = 1; }));
+  CHECK_FALSE(is_refused([](Splat& s) { s.normal = {}; }));
+  CHECK(is_refused([&](Splat& s) { s.mean.y = kNan; }));
+  CHECK(is_refused([&](Splat& s) { s.mean.z = -kInfinity; }));
+  CHECK(is_refused([&](Splat& s) { s.sigma.x = kInfinity; }));
+  CHECK(is_refused([&](Splat& s) { s.sigma.z = kNan; }));
+  CHECK(is_refused([](Splat& s) { s.sigma.y = -1e-30F; }));
+  CHECK(is_refused([](Splat& s) { s.sigma = {}; }));
+  CHECK(is_refused([](Splat& s) { s.rotation[0] += 0.01F; }));
+  CHECK(is_refused([&](Splat& s) { s.rotation[3] = kNan; }));
+  CHECK(is_refused([](Splat& s) { s.alpha = 0; }));
+  CHECK(is_refused([](Splat& s) { s.alpha = 1.001F; }));
+  CHECK(is_refused([&](Splat& s) { s.alpha = kNan; }));
+  CHECK(is_refused([&](Splat& s) { s.colour.z = kNan; }));
+  CHECK(is_refused([](Splat& s) { s.normal.x += 0.1F; }));
+  CHECK(is_refused([&](Splat& s) { s.normal.z = kNan; }));
 }
 
 TEST_CASE("a splat store gives back its tiles, entries and blocks", "[tiles]") {
