@@ -27,7 +27,9 @@ constexpr std::uint32_t kViewsVersion = 3;
 /// Scratch packs beside that of the target's depths.
 constexpr Hash128 kInsideTarget{0, 1}, kInsideScene{0, 2};
 
-constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 19, kTileShare = 16;
+constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 19;
+/// What a tile may well show of its scene; a slab of half of that holds it for most tiles.
+constexpr std::size_t kTileShare = 16, kUsualTileShare = 64;
 
 /// A row of a view's tiles, compressed; an empty one shows nothing.
 using Row = std::vector<std::vector<std::byte>>;
@@ -141,13 +143,15 @@ class SceneDrawing {
     const std::uint32_t most_tiles = *std::max_element(tiles.begin(), tiles.end());
     const std::uint64_t left =
         job_.budget.limit() - std::min(job_.budget.limit(), job_.budget.leased());
-    // A tile shows a small part of its scene; what is not leased keeps decoded blocks.
-    const std::uint64_t enough =
-        std::min<std::uint64_t>(request_.scene->directory().splats / kTileShare, kMostEllipses);
-    // Where not all of them stay, rows that wait for a thread would only take their place.
+    // A tile shows a small part of its scene; what is not leased keeps decoded blocks. Where not
+    // all of them stay, rows that wait for a thread would only take their place.
     const bool has_room = scene_bytes() <= left / 2;
     const std::size_t at_once = runtime::works_at_once(has_room ? 3 : 1);
-    const std::uint64_t room = left / (has_room ? 2 : 4) / at_once;
+    const std::uint64_t room =
+        left / (has_room ? 2 * at_once : std::max<std::size_t>(2 * at_once, 4));
+    const std::uint64_t enough = std::min<std::uint64_t>(
+        request_.scene->directory().splats / (has_room ? kTileShare : kUsualTileShare),
+        kMostEllipses);
     std::size_t ellipses = kLeastEllipses;
     while (ellipses < enough && row_bytes(2 * ellipses, most_tiles) <= room) ellipses *= 2;
     if (request_.most_ellipses > 0) ellipses = request_.most_ellipses;
