@@ -263,14 +263,15 @@ inline T kept(const T& sum, const T& a, const T& b) {
 }
 
 /// As kept_sum() of a row.
-inline IntRegister row_sum(const RowWeights& weights, const Pairs& texels) {
+[[gnu::always_inline]] inline IntRegister row_sum(const RowWeights& weights, const Pairs& texels) {
   const auto left = (IntRegister)((UintRegister)texels.first >> 16);
   const IntRegister right = texels.second & 0xFFFF;
   return kept(weights.sum(texels), left << 20, right << 20);
 }
 
 /// As sharpened_sum() of a row.
-inline IntRegister row_sum(const RowWeights& weights, const Moves& moves, const Pairs& texels) {
+[[gnu::always_inline]] inline IntRegister row_sum(const RowWeights& weights, const Moves& moves,
+                                                  const Pairs& texels) {
   const auto left = (IntRegister)((UintRegister)texels.first >> 16);
   const IntRegister right = texels.second & 0xFFFF;
   const auto own = (ShortRegister)(left | right << 16);
@@ -304,7 +305,8 @@ inline Doubles weighted_rows(const RowShares& shares, const Rows& rows) {
 }
 
 /// As bend() of rows.
-inline Doubles bend_of(const Doubles& row, const Doubles& to, const Doubles& from) {
+[[gnu::always_inline]] inline Doubles bend_of(const Doubles& row, const Doubles& to,
+                                              const Doubles& from) {
   constexpr double kMost = 255.0 * kOne;
   const Doubles room = lesser(row, kMost - row);
   const Doubles most = lesser(12.0 * lesser(absolute(to), absolute(from)), 24.0 * room);
