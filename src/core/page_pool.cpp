@@ -11,9 +11,9 @@
 //
 // Where the system has huge pages, the first touch of a block of 512 pages makes all of it
 // resident: one fault for 512. What of it was not asked for counts as idle. Where that were more
-// than is in use, or more than may be idle, the block stays one of small pages. So do all but the
-// first few of a process: small jobs gain most, and large ones that draw views lost by more of
-// them.
+// than is in use, or more than may be idle, the block stays one of small pages. Of huge pages a
+// part is given back only where nothing else is left: a hypervisor that keeps page tables of its
+// own then maps all of the block anew, page by page, which costs as much as 512 faults.
 //
 // A buffer of 64 pages or more that is freed waits as it is for the next one of exactly its size:
 // pieces of work ask for the same large buffers again and again, and would fault all their pages in
@@ -41,7 +41,6 @@ namespace {
 
 constexpr std::size_t kRegionPages = 4096;       // 16 MiB of address space
 constexpr std::size_t kBlockPages = 512;         // a huge page: 2 MiB
-constexpr std::size_t kMostHugeBlocks = 12;      // 24 MiB: what small jobs take
 constexpr std::size_t kMostIdlePages = 1024;     // 4 MiB resident
 constexpr std::size_t kGivenBackPages = 64;      // at once, at least
 constexpr std::size_t kLongRun = 64;             // pages from which a run waits for its like
@@ -102,7 +101,6 @@ struct Pool {
   std::size_t waiting_pages = 0;
   std::map<std::byte*, std::unique_ptr<Region>> regions;
   std::size_t idle_pages = 0, used_pages = 0;
-  std::size_t huge_blocks = 0;  // that were ever touched as such
 };
 
 Pool& pool() {
@@ -144,10 +142,8 @@ void touch(Region& region, std::size_t block, std::size_t first, std::size_t end
   if (region.small[block]) return;
   for (std::size_t word = start / 64; word < (start + kBlockPages) / 64; ++word)
     if ((region.used[word] | region.idle[word]) != 0) return;  // touched before
-  if (beside > p.used_pages || p.idle_pages + beside > kMostIdlePages ||
-      p.huge_blocks == kMostHugeBlocks)
+  if (beside > p.used_pages || p.idle_pages + beside > kMostIdlePages)
     return keep_small(region, block);
-  ++p.huge_blocks;
   for (std::size_t page = start; page < start + kBlockPages; ++page)
     if (page < first || page >= end) region.idle[page / 64] |= 1ULL << (page % 64);
   region.idle_pages += beside;
@@ -172,8 +168,18 @@ void mark_used(Region& region, std::size_t first, std::size_t count, Pool& p) {
   p.used_pages += count;
 }
 
-/// Gives idle pages back to the system until that many are left. With p.mutex held.
-void give_back(Pool& p, std::size_t most_idle) {
+/// Of a run of pages the part that lies in small blocks alone, or in one huge block.
+std::size_t end_of_kind(const Region& region, std::size_t first, std::size_t end) {
+  std::size_t block = first / kBlockPages;
+  const bool is_small = region.small[block];
+  for (++block; block * kBlockPages < end; ++block)
+    if (!is_small || !region.small[block]) return block * kBlockPages;
+  return end;
+}
+
+/// Gives idle pages back to the system until that many are left: of small blocks, and huge ones as
+/// a whole; or of all, where it `splits` huge ones. With p.mutex held.
+void give_back(Pool& p, std::size_t most_idle, bool splits) {
   for (auto r = p.regions.rbegin(); r != p.regions.rend() && p.idle_pages > most_idle; ++r) {
     Region& region = *r->second;
     if (region.idle_pages == 0) continue;
@@ -181,10 +187,13 @@ void give_back(Pool& p, std::size_t most_idle) {
     while (p.idle_pages > most_idle) {
       const std::size_t first = next(region.idle, true, end);
       if (first == kRegionPages) break;
-      end = std::min(next(region.idle, false, first), first + (p.idle_pages - most_idle));
-      for (std::size_t block = first / kBlockPages; block * kBlockPages < end; ++block)
-        if (first > block * kBlockPages || end < (block + 1) * kBlockPages)
-          keep_small(region, block);
+      end = end_of_kind(region, first, next(region.idle, false, first));
+      const std::size_t block = first / kBlockPages;
+      if (!region.small[block] && end - first < kBlockPages) {
+        if (!splits) continue;
+        keep_small(region, block);
+      }
+      if (region.small[block]) end = std::min(end, first + (p.idle_pages - most_idle));
       madvise(region.start + first * kPageBytes, (end - first) * kPageBytes, MADV_DONTNEED);
       for (std::size_t page = first; page < end; ++page)
         region.idle[page / 64] &= ~(1ULL << (page % 64));
@@ -214,7 +223,8 @@ void free_run(Pool& p, std::byte* at, std::size_t pages) {
     munmap(region.start, kRegionPages * kPageBytes);
     p.regions.erase(found);
   }
-  if (p.idle_pages > kMostIdlePages) give_back(p, kMostIdlePages - kGivenBackPages);
+  for (const bool splits : {false, true})
+    if (p.idle_pages > kMostIdlePages) give_back(p, kMostIdlePages - kGivenBackPages, splits);
 }
 
 }  // namespace
