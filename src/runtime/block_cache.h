@@ -24,10 +24,10 @@ namespace pounce::runtime {
 ///   Block read_block(entry) const, uint64_t block_bytes(entry) const      (decoded)
 ///   uint64_t index_place(part) const, uint64_t place(entry) const         (offsets: multiples of
 ///   8)
-///   bool kReadsAlone                   reading a block waits for no other thread. Then threads
-///   that
-///                                      ask for one at once wait for the first of them; else each
-///                                      decodes it
+///   bool kReadsAlone                   reading a block waits for no other thread
+///
+/// Where reading waits for nobody, threads that ask for one block at once wait for the first of
+/// them; else each of them decodes it.
 template <class Reader>
 class BlockCache {
  public:
