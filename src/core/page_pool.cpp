@@ -5,7 +5,8 @@
 //
 // Buffers are 1 page to a few hundred; larger ones get a mapping of their own. Regions keep the
 // number of mappings small (the kernel allows 65,530). Freed pages stay resident for the next
-// buffer. Where more than kMostIdlePages would, many are given back at once, neighbours together:
+// buffer. Where more than kMostIdlePages would, many are given back at once, neighbours together,
+// if there are many outside of huge pages:
 // MADV_DONTNEED costs a call, and a page fault (0.1-0.3 us, under a hypervisor up to 8) when they
 // are used again. They are taken from the highest regions, which empty first.
 //
@@ -42,7 +43,7 @@ namespace {
 constexpr std::size_t kRegionPages = 4096;       // 16 MiB of address space
 constexpr std::size_t kBlockPages = 512;         // a huge page: 2 MiB
 constexpr std::size_t kMostIdlePages = 1024;     // 4 MiB resident
-constexpr std::size_t kGivenBackPages = 64;      // at once, at least
+constexpr std::size_t kGivenBackPages = 64;      // at once, if there are so many
 constexpr std::size_t kLongRun = 64;             // pages from which a run waits for its like
 constexpr std::size_t kMostWaitingPages = 2048;  // 8 MiB resident
 

@@ -59,7 +59,9 @@ void EncodedBlock::encode(job::JobContext& job, const Shaping& shaping) {
 }
 
 void EncodedBlock::store(job::JobContext& job) {
-  if (store::PlainRoom* const room = job.stores_room(); room != nullptr) {
+  store::PlainRoom* const room = job.stores_room();
+  // Most blocks of a large scene come when there is none left.
+  if (room != nullptr && *room >= SplatBlock::decoded_bytes(block.size(), true, lobes_)) {
     store::encode(block, raw, store::SplatBytes::plain);
     if (store::Compressor::keep_as_is(raw, stored, room)) return;
   }

@@ -28,7 +28,8 @@ constexpr std::uint32_t kViewsVersion = 3;
 constexpr Hash128 kInsideTarget{0, 1}, kInsideScene{0, 2};
 
 constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 19;
-/// What a tile may well show of its scene; a slab of half of that holds it for most tiles.
+/// What a tile may well show of its scene, and what few tiles show more than twice of: a slab holds
+/// twice its size while ellipses come.
 constexpr std::size_t kTileShare = 16, kUsualTileShare = 64;
 
 /// A row of a view's tiles, compressed; an empty one shows nothing.
