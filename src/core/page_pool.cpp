@@ -5,10 +5,10 @@
 //
 // Buffers are 1 page to a few hundred; larger ones get a mapping of their own. Regions keep the
 // number of mappings small (the kernel allows 65,530). Freed pages stay resident for the next
-// buffer. Where more than kMostIdlePages would, many are given back at once, neighbours together,
-// if there are many outside of huge pages:
-// MADV_DONTNEED costs a call, and a page fault (0.1-0.3 us, under a hypervisor up to 8) when they
-// are used again. They are taken from the highest regions, which empty first.
+// buffer. Where more than kMostIdlePages would, many are given back at once if there are many
+// outside of huge pages, neighbours together: MADV_DONTNEED costs a call, and a page fault
+// (0.1-0.3 us, under a hypervisor up to 8) when they are used again. They are taken from the
+// highest regions, which empty first.
 //
 // Where the system has huge pages, the first touch of a block of 512 pages makes all of it
 // resident: one fault for 512. What of it was not asked for counts as idle. Where that were more
