@@ -42,6 +42,7 @@ namespace {
 
 constexpr std::size_t kRegionPages = 4096;       // 16 MiB of address space
 constexpr std::size_t kBlockPages = 512;         // a huge page: 2 MiB
+constexpr std::size_t kMostHugeBlocks = 12;      // 24 MiB: what small jobs take
 constexpr std::size_t kMostIdlePages = 1024;     // 4 MiB resident
 constexpr std::size_t kGivenBackPages = 64;      // at once, if there are so many
 constexpr std::size_t kLongRun = 64;             // pages from which a run waits for its like
@@ -102,6 +103,7 @@ struct Pool {
   std::size_t waiting_pages = 0;
   std::map<std::byte*, std::unique_ptr<Region>> regions;
   std::size_t idle_pages = 0, used_pages = 0;
+  std::size_t huge_blocks = 0;  // that were ever touched as such
 };
 
 Pool& pool() {
@@ -143,8 +145,10 @@ void touch(Region& region, std::size_t block, std::size_t first, std::size_t end
   if (region.small[block]) return;
   for (std::size_t word = start / 64; word < (start + kBlockPages) / 64; ++word)
     if ((region.used[word] | region.idle[word]) != 0) return;  // touched before
-  if (beside > p.used_pages || p.idle_pages + beside > kMostIdlePages)
+  if (beside > p.used_pages || p.idle_pages + beside > kMostIdlePages ||
+      p.huge_blocks == kMostHugeBlocks)
     return keep_small(region, block);
+  ++p.huge_blocks;
   for (std::size_t page = start; page < start + kBlockPages; ++page)
     if (page < first || page >= end) region.idle[page / 64] |= 1ULL << (page % 64);
   region.idle_pages += beside;
