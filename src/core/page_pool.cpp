@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // An allocator of pages inside 16 MiB regions, with bitmaps per region: the first run of resident
-// pages that fits, else the first of any.
+// pages that fits, else the start of a huge page, else the first run of any.
 //
 // Buffers are 1 page to a few hundred; larger ones get a mapping of their own. Regions keep the
 // number of mappings small (the kernel allows 65,530). Freed pages stay resident for the next
@@ -42,7 +42,6 @@ namespace {
 
 constexpr std::size_t kRegionPages = 4096;       // 16 MiB of address space
 constexpr std::size_t kBlockPages = 512;         // a huge page: 2 MiB
-constexpr std::size_t kMostHugeBlocks = 12;      // 24 MiB: what small jobs take
 constexpr std::size_t kMostIdlePages = 1024;     // 4 MiB resident
 constexpr std::size_t kGivenBackPages = 64;      // at once, if there are so many
 constexpr std::size_t kLongRun = 64;             // pages from which a run waits for its like
@@ -103,7 +102,6 @@ struct Pool {
   std::size_t waiting_pages = 0;
   std::map<std::byte*, std::unique_ptr<Region>> regions;
   std::size_t idle_pages = 0, used_pages = 0;
-  std::size_t huge_blocks = 0;  // that were ever touched as such
 };
 
 Pool& pool() {
@@ -139,16 +137,33 @@ void keep_small(Region& region, std::size_t block) {
           MADV_NOHUGEPAGE);
 }
 
+/// Whether no page of a block is resident, so that its first touch may be that of a huge page.
+bool is_untouched(const Region& region, std::size_t block) {
+  if (region.small[block]) return false;
+  const std::size_t first = block * kBlockPages / 64;
+  for (std::size_t word = first; word < first + kBlockPages / 64; ++word)
+    if ((region.used[word] | region.idle[word]) != 0) return false;
+  return true;
+}
+
+/// Whether a block may be a huge page although that many of its pages were not asked for.
+bool may_be_huge(std::size_t beside, const Pool& p) {
+  return beside <= p.used_pages && p.idle_pages + beside <= kMostIdlePages;
+}
+
+/// The first page of an untouched block, or kRegionPages.
+std::size_t find_untouched(const Region& region) {
+  if (region.used_pages + region.idle_pages > kRegionPages - kBlockPages) return kRegionPages;
+  for (std::size_t block = 0; block < kRegionPages / kBlockPages; ++block)
+    if (is_untouched(region, block)) return block * kBlockPages;
+  return kRegionPages;
+}
+
 /// Pages `first` to `end` of a block will be touched: the others will be resident, too, and idle.
 void touch(Region& region, std::size_t block, std::size_t first, std::size_t end, Pool& p) {
   const std::size_t start = block * kBlockPages, beside = kBlockPages - (end - first);
-  if (region.small[block]) return;
-  for (std::size_t word = start / 64; word < (start + kBlockPages) / 64; ++word)
-    if ((region.used[word] | region.idle[word]) != 0) return;  // touched before
-  if (beside > p.used_pages || p.idle_pages + beside > kMostIdlePages ||
-      p.huge_blocks == kMostHugeBlocks)
-    return keep_small(region, block);
-  ++p.huge_blocks;
+  if (!is_untouched(region, block)) return;
+  if (!may_be_huge(beside, p)) return keep_small(region, block);
   for (std::size_t page = start; page < start + kBlockPages; ++page)
     if (page < first || page >= end) region.idle[page / 64] |= 1ULL << (page % 64);
   region.idle_pages += beside;
@@ -268,6 +283,15 @@ void* PagePool::allocate(std::size_t bytes) {
     if (first == kRegionPages) continue;
     mark_used(*region, first, pages, p);
     return start + first * kPageBytes;
+  }
+  // Then a huge page, which costs one fault, before pages of small blocks, which cost one each.
+  if (pages <= kBlockPages && may_be_huge(kBlockPages - pages, p)) {
+    for (auto& [start, region] : p.regions) {
+      const std::size_t first = find_untouched(*region);
+      if (first == kRegionPages) continue;
+      mark_used(*region, first, pages, p);
+      return start + first * kPageBytes;
+    }
   }
   // In order of address: low regions fill up, high ones empty and go back to the system.
   for (auto& [start, region] : p.regions) {

@@ -6,11 +6,15 @@
 
 #include <atomic>
 #include <catch2/catch.hpp>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <map>
 #include <mutex>
 #include <set>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "support/random.h"
 
@@ -24,6 +28,15 @@ std::size_t resident_bytes() {
   std::size_t whole = 0, resident = 0;
   statm >> whole >> resident;
   return resident * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+}
+
+/// Bytes of this process in anonymous huge pages; 0 where the system does not say.
+std::size_t huge_bytes() {
+  std::ifstream rollup("/proc/self/smaps_rollup");
+  std::size_t kib = 0;
+  for (std::string word; rollup >> word;)
+    if (word == "AnonHugePages:" && rollup >> kib) return kib * 1024;
+  return 0;
 }
 
 struct Buffer {
@@ -140,6 +153,38 @@ TEST_CASE("what is resident is used again before what would be faulted in") {
   CHECK(faults() - before < 100);  // of 900 pages
   release(again, 0);
   release(many, 0);
+}
+
+TEST_CASE("huge pages go back whole while others have parts to spare") {
+  constexpr std::size_t kBytes = 2 * kPageBytes, kHuge = std::size_t{2} << 20, kCount = 4096;
+  const auto block_of = [](const Buffer& buffer) {
+    return reinterpret_cast<std::uintptr_t>(buffer.at) / kHuge;
+  };
+  std::map<std::size_t, std::vector<Buffer>> blocks;
+  for (std::size_t i = 0; i < kCount; ++i) {
+    Buffer buffer{nullptr, kBytes, i};
+    buffer.at = static_cast<std::uint64_t*>(PagePool::instance().allocate(kBytes));
+    fill(buffer);
+    blocks[block_of(buffer)].push_back(buffer);
+  }
+  const std::size_t before = huge_bytes();
+  const auto release = [](std::vector<Buffer>& from, std::size_t left) {
+    for (; from.size() > left; from.pop_back())
+      PagePool::instance().release(from.back().at, kBytes);
+  };
+  // Of every other block that is ours alone an eighth, of the ones between them all.
+  std::vector<std::vector<Buffer>*> full;
+  for (auto& [block, buffers] : blocks)
+    if (buffers.size() == kHuge / kBytes) full.push_back(&buffers);
+  for (std::size_t i = 0; i < full.size(); i += 2) release(*full[i], kHuge / kBytes * 7 / 8);
+  for (std::size_t i = 1; i < full.size(); i += 2) release(*full[i], 0);
+  if (before < 4 * kHuge) {
+    std::puts("SKIPPED: huge pages (the system has none)");
+  } else {
+    CHECK(huge_bytes() < before);                             // some went back
+    CHECK(huge_bytes() + full.size() / 2 * kHuge >= before);  // and none but the empty ones
+  }
+  for (auto& [block, buffers] : blocks) release(buffers, 0);
 }
 
 TEST_CASE("a page vector grows, shrinks and moves like any vector") {
