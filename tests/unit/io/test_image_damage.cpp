@@ -25,12 +25,12 @@ Verdict judge(const std::string& bytes, const std::vector<std::uint8_t>& expecte
   }
 }
 
-/// Something smooth with noise in it, 48 x 40.
-std::string encode(const std::string& ending, Depth depth) {
+/// Something smooth with noise in it, 40 rows high.
+std::string encode(const std::string& ending, Depth depth, std::uint32_t width = 48) {
   test::TempFolder folder;
   const std::string path = folder.file("a" + ending);
-  io::ImageWriter writer(path, {48, 40, 3, depth, false, false});
-  std::vector<std::uint8_t> row(48 * 3 * 4);
+  io::ImageWriter writer(path, {width, 40, 3, depth, false, false});
+  std::vector<std::uint8_t> row(std::size_t{width} * 3 * 4);
   std::uint32_t state = 3;
   for (std::uint32_t y = 0; y < 40; ++y) {
     for (std::size_t i = 0; i < row.size(); ++i) {
@@ -51,7 +51,8 @@ TEST_CASE("an image cut off anywhere is refused or still whole, never silently w
   const auto [ending, depth] = GENERATE(table<std::string, Depth>(
       {{".png", Depth::u8}, {".jpg", Depth::u8}, {".tif", Depth::u8}, {".exr", Depth::half}}));
   CAPTURE(ending);
-  const std::string bytes = encode(ending, depth);
+  // Each cut is a process of its own where a library decodes.
+  const std::string bytes = encode(ending, depth, 20);
   const auto expected = read_all(in_memory(bytes));
   std::map<Verdict, std::size_t> count;
   for (std::size_t length = 0; length < bytes.size(); ++length) {
