@@ -20,6 +20,9 @@
 // pieces of work ask for the same large buffers again and again, and would fault all their pages in
 // each time (docs/decisions/003-page-pool.md).
 //
+// Who releases very much says so (ReleaseTogether): buffers are freed in another order than they
+// lie in, so that what went back a few at a time would be a call for nearly each.
+//
 // Why not malloc: a general allocator keeps what was freed, in pieces that it cannot give back, so
 // the process holds more than the budget leased. Here, what is idle is bounded by the constants
 // below.
@@ -102,6 +105,7 @@ struct Pool {
   std::size_t waiting_pages = 0;
   std::map<std::byte*, std::unique_ptr<Region>> regions;
   std::size_t idle_pages = 0, used_pages = 0;
+  std::size_t together = 0;  // ReleaseTogether that live
 };
 
 Pool& pool() {
@@ -223,6 +227,13 @@ void give_back(Pool& p, std::size_t most_idle, bool splits) {
   }
 }
 
+/// Gives back what is more than may be idle. With p.mutex held.
+void give_back_surplus(Pool& p) {
+  for (const bool splits : {false, true})
+    if (p.together == 0 && p.idle_pages > kMostIdlePages)
+      give_back(p, kMostIdlePages - kGivenBackPages, splits);
+}
+
 /// Gives pages back to their region, and an empty region to the system. With p.mutex held.
 void free_run(Pool& p, std::byte* at, std::size_t pages) {
   const auto found = std::prev(p.regions.upper_bound(at));
@@ -243,11 +254,23 @@ void free_run(Pool& p, std::byte* at, std::size_t pages) {
     munmap(region.start, kRegionPages * kPageBytes);
     p.regions.erase(found);
   }
-  for (const bool splits : {false, true})
-    if (p.idle_pages > kMostIdlePages) give_back(p, kMostIdlePages - kGivenBackPages, splits);
+  give_back_surplus(p);
 }
 
 }  // namespace
+
+ReleaseTogether::ReleaseTogether() {
+  Pool& p = pool();
+  const std::lock_guard lock(p.mutex);
+  ++p.together;
+}
+
+ReleaseTogether::~ReleaseTogether() {
+  Pool& p = pool();
+  const std::lock_guard lock(p.mutex);
+  --p.together;
+  give_back_surplus(p);
+}
 
 PagePool& PagePool::instance() {
   static PagePool the_instance;

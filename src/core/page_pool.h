@@ -28,6 +28,17 @@ class PagePool {
   PagePool() = default;
 };
 
+/// While one lives, what is released stays in the pool. Then what is more than may be idle goes
+/// back to the system at once, neighbours together: for what releases very many buffers, one by
+/// one. Nobody may count what is released as free memory before that. Thread-safe.
+class ReleaseTogether {
+ public:
+  ReleaseTogether();
+  ReleaseTogether(const ReleaseTogether&) = delete;
+  ReleaseTogether& operator=(const ReleaseTogether&) = delete;
+  ~ReleaseTogether();
+};
+
 /// How far behind the start of its first page something begins: where its last page has bytes to
 /// spare, another cache line than the one before. Columns that are gone through side by side would
 /// otherwise lie in the same few sets of the processor's cache and drive each other out.

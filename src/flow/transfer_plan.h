@@ -35,6 +35,9 @@ class TransferPlan {
  public:
   /// `job` must outlive it.
   TransferPlan(job::JobContext& job, const TransferOptions& options, const job::TestKnobs& knobs);
+  TransferPlan(const TransferPlan&) = delete;
+  TransferPlan& operator=(const TransferPlan&) = delete;
+  ~TransferPlan() { job_.budget.forget_all(); }  // then the stores close, one by one
 
   /// Plans the source and all targets; takes the progress bar to `end`. Throws what is wrong,
   /// Error(budget) too where the budget is below what the job needs.

@@ -14,6 +14,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/page_pool.h"
+
 namespace pounce::runtime {
 
 void MemoryBudget::make_room(std::uint64_t bytes) {
@@ -68,6 +70,7 @@ void MemoryBudget::forget(std::uint64_t store) {
   const std::lock_guard lock(mutex_);
   const auto own = items_.find(store);
   if (own == items_.end()) return;
+  const ReleaseTogether together;
   for (const std::uint64_t item : own->second) {
     const auto found = kept_.find({store, item});
     cached_ -= found->second->bytes;
@@ -75,6 +78,15 @@ void MemoryBudget::forget(std::uint64_t store) {
     kept_.erase(found);
   }
   items_.erase(own);
+}
+
+void MemoryBudget::forget_all() {
+  const std::lock_guard lock(mutex_);
+  const ReleaseTogether together;
+  cached_ = 0;
+  items_.clear();
+  kept_.clear();
+  recent_.clear();
 }
 
 std::uint64_t MemoryBudget::leased() const {

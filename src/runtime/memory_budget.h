@@ -39,6 +39,9 @@ class MemoryBudget {
   void keep(const CacheKey& key, std::shared_ptr<const void> thing, std::uint64_t bytes);
   /// Forgets everything of one store (before it is closed).
   void forget(std::uint64_t store);
+  /// The same of all stores, which is much faster than one by one: their blocks lie in between each
+  /// other.
+  void forget_all();
 
   std::uint64_t limit() const { return limit_; }
   /// Before anything is leased.

@@ -187,6 +187,42 @@ TEST_CASE("huge pages go back whole while others have parts to spare") {
   for (auto& [block, buffers] : blocks) release(buffers, 0);
 }
 
+TEST_CASE("what is released together goes back when the last of those who release ends") {
+  constexpr std::size_t kBytes = 4 * kPageBytes, kCount = 4000, kMiB = std::size_t{1} << 20;
+  std::vector<Buffer> buffers;
+  for (std::size_t i = 0; i < kCount; ++i) {
+    buffers.push_back({nullptr, kBytes, i});
+    buffers.back().at = static_cast<std::uint64_t*>(PagePool::instance().allocate(kBytes));
+    fill(buffers.back());
+  }
+  const std::size_t before = resident_bytes();
+  // Every other one, as those of two stores lie in between each other.
+  const auto release = [&](std::size_t first) {
+    for (std::size_t i = first; i < kCount; i += 2)
+      PagePool::instance().release(buffers[i].at, buffers[i].bytes);
+  };
+  {
+    const ReleaseTogether outer;
+    {
+      const ReleaseTogether inner;
+      release(0);
+    }
+    CHECK(resident_bytes() + kMiB > before);
+    // Meanwhile it can be used again.
+    Buffer again{static_cast<std::uint64_t*>(PagePool::instance().allocate(kBytes)), kBytes, 7};
+    fill(again);
+    bool others_intact = true;
+    for (std::size_t i = 1; i < kCount; i += 2) others_intact = others_intact && intact(buffers[i]);
+    CHECK(others_intact);
+    CHECK(intact(again));
+    PagePool::instance().release(again.at, again.bytes);
+  }
+  // Half of 62 MiB, of which some 4 stay.
+  CHECK(resident_bytes() < before - 24 * kMiB);
+  release(1);
+  CHECK(resident_bytes() < before - 50 * kMiB);
+}
+
 TEST_CASE("a page vector grows, shrinks and moves like any vector") {
   PageVector<int> numbers;
   for (int i = 0; i < 3000000; ++i) numbers.push_back(i);

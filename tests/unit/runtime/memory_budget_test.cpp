@@ -114,6 +114,26 @@ TEST_CASE("forgetting a store leaves the others alone and frees its bytes") {
   CHECK(budget.find({8, 0}) != nullptr);  // there was room for the new ones
 }
 
+TEST_CASE("forgetting all frees every store's bytes and no lease") {
+  runtime::MemoryBudget budget(100);
+  std::vector<std::weak_ptr<const void>> gone;
+  for (std::uint64_t item = 0; item < 8; ++item) {
+    const auto kept = thing();
+    gone.emplace_back(kept);
+    budget.keep({7 + item % 2, item}, kept, 10);
+  }
+  CHECK(budget.try_lease(20));
+  budget.forget_all();
+  for (const auto& each : gone) CHECK(each.expired());
+  CHECK(budget.find({7, 0}) == nullptr);
+  CHECK(budget.leased() == 20);
+  budget.forget(7);  // as a store does when it closes later
+  for (std::uint64_t item = 0; item < 8; ++item) budget.keep({7, item}, thing(), 10);
+  for (std::uint64_t item = 0; item < 8; ++item) CHECK(budget.find({7, item}) != nullptr);
+  CHECK_FALSE(budget.try_lease(81));
+  CHECK(budget.try_lease(80));
+}
+
 TEST_CASE("from several threads leases and cache stay within the limit") {
   runtime::MemoryBudget budget(1000);
   std::atomic<std::uint64_t> leased = 0;
@@ -127,6 +147,7 @@ TEST_CASE("from several threads leases and cache stay within the limit") {
         const runtime::CacheKey key{random.below(3), random.below(50)};
         if (random.one_in(2)) budget.keep(key, thing(), 1 + random.below(200));
         if (random.one_in(50)) budget.forget(key.store);
+        if (random.one_in(200)) budget.forget_all();
         budget.find(key);
         if (!budget.try_lease(bytes)) continue;
         if (leased.fetch_add(bytes) + bytes > 1000) exceeded = true;
