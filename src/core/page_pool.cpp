@@ -40,6 +40,8 @@
 #include <mutex>
 #include <new>
 
+#include "core/system_limits.h"
+
 namespace pounce {
 namespace {
 
@@ -106,6 +108,7 @@ struct Pool {
   std::map<std::byte*, std::unique_ptr<Region>> regions;
   std::size_t idle_pages = 0, used_pages = 0;
   std::size_t together = 0;  // ReleaseTogether that live
+  const bool has_huge = huge_page_bytes() == kBlockPages * kPageBytes;
 };
 
 Pool& pool() {
@@ -120,7 +123,7 @@ std::byte* map_pages(std::size_t bytes) {
   return static_cast<std::byte*>(at);
 }
 
-/// A region's pages, from where a huge page can begin. Where the system has none nothing is wrong.
+/// A region's pages, from where a huge page can begin.
 std::byte* map_region() {
   constexpr std::size_t kBlockBytes = kBlockPages * kPageBytes;
   constexpr std::size_t kBytes = kRegionPages * kPageBytes;
@@ -325,6 +328,7 @@ void* PagePool::allocate(std::size_t bytes) {
   }
   auto region = std::make_unique<Region>();
   region->start = map_region();
+  if (!p.has_huge) region->small.set();
   std::byte* const start = region->start;
   Region& first = *p.regions.emplace(start, std::move(region)).first->second;
   mark_used(first, 0, pages, p);

@@ -11,6 +11,7 @@
 #include "core/system_limits.h"
 
 #include <pthread.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -194,6 +195,24 @@ std::uint64_t anonymous_bytes(const std::string& system_root) {
       bytes += kib * 1024;
   }
   return bytes;
+}
+
+std::uint64_t huge_page_bytes(const std::string& system_root) {
+  if (::prctl(PR_GET_THP_DISABLE, 0, 0, 0, 0) != 0) return 0;
+  const std::string folder = system_root + "/sys/kernel/mm/transparent_hugepage/";
+  const std::uint64_t bytes = limit_in(folder + "hpage_pmd_size");
+  // Of choices the one that holds is in brackets. Newer systems have one for each size, too.
+  const auto chosen = [](const std::string& file, const std::string& choice) {
+    std::ifstream choices(file);
+    std::string text;
+    return std::getline(choices, text) && text.find('[' + choice + ']') != std::string::npos;
+  };
+  const auto allowed = [&](const std::string& file) {
+    return chosen(file, "always") || chosen(file, "madvise");
+  };
+  const std::string own = folder + "hugepages-" + std::to_string(bytes / 1024) + "kB/enabled";
+  const bool has_own = std::ifstream(own).is_open() && !chosen(own, "inherit");
+  return bytes != kNoLimit && allowed(has_own ? own : folder + "enabled") ? bytes : 0;
 }
 
 std::uint64_t largest_file_bytes() { return resource_limit(RLIMIT_FSIZE); }

@@ -39,6 +39,10 @@ std::vector<MemoryLimit> memory_limits(const std::string& system_root = {});
 /// page tables of all of it. 0 where the system does not say.
 std::uint64_t anonymous_bytes(const std::string& system_root = {});
 
+/// The size of the huge pages that this process gets for memory that it asks them for
+/// (MADV_HUGEPAGE); 0 if it gets none.
+std::uint64_t huge_page_bytes(const std::string& system_root = {});
+
 /// The largest file that this process may write (RLIMIT_FSIZE); UINT64_MAX without a limit.
 std::uint64_t largest_file_bytes();
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/system_limits.h"
 
+#include <sys/prctl.h>
 #include <sys/resource.h>
 
 #include <catch2/catch.hpp>
@@ -35,6 +36,36 @@ TEST_CASE("without other limits the machine's memory is the limit", "[core]") {
   REQUIRE(label == "MemTotal:");
   CHECK(usable.bytes <= total_kib * 1024);
   if (usable.limited_by == "physical memory") CHECK(usable.bytes == total_kib * 1024);
+}
+
+TEST_CASE("huge pages are those that memory gets on request", "[core]") {
+  const std::string folder = "sys/kernel/mm/transparent_hugepage/";
+  const FakeSystem system;
+  const auto bytes = [&] { return huge_page_bytes(system.root()); };
+  const int was_without = prctl(PR_GET_THP_DISABLE, 0, 0, 0, 0);
+  REQUIRE(prctl(PR_SET_THP_DISABLE, 0, 0, 0, 0) == 0);
+  CHECK(bytes() == 0);  // a system that does not say
+  system.put(folder + "hpage_pmd_size", "2097152\n");
+  CHECK(bytes() == 0);
+  system.put(folder + "enabled", "always madvise [never]\n");
+  CHECK(bytes() == 0);
+  system.put(folder + "enabled", "always [madvise] never\n");
+  CHECK(bytes() == 2 * kMiB);
+  system.put(folder + "enabled", "[always] madvise never\n");
+  CHECK(bytes() == 2 * kMiB);
+  // Of this size alone.
+  system.put(folder + "hugepages-2048kB/enabled", "always inherit madvise [never]\n");
+  CHECK(bytes() == 0);
+  system.put(folder + "hugepages-2048kB/enabled", "always [inherit] madvise never\n");
+  CHECK(bytes() == 2 * kMiB);
+  system.put(folder + "enabled", "always madvise [never]\n");
+  CHECK(bytes() == 0);
+  system.put(folder + "hugepages-2048kB/enabled", "always inherit [madvise] never\n");
+  CHECK(bytes() == 2 * kMiB);
+  // Of a process that is to have none.
+  REQUIRE(prctl(PR_SET_THP_DISABLE, 1, 0, 0, 0) == 0);
+  CHECK(bytes() == 0);
+  REQUIRE(prctl(PR_SET_THP_DISABLE, was_without, 0, 0, 0) == 0);
 }
 
 TEST_CASE("a version 2 control group limits, and so do those above it", "[core]") {
