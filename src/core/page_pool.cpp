@@ -107,9 +107,11 @@ struct Pool {
   std::size_t waiting_pages = 0;
   std::map<std::byte*, std::unique_ptr<Region>> regions;
   std::size_t idle_pages = 0, used_pages = 0;
-  std::size_t together = 0;  // ReleaseTogether that live
   const bool has_huge = huge_page_bytes() == kBlockPages * kPageBytes;
 };
+
+/// ReleaseTogether of this thread that live: the releases of others go back as ever.
+thread_local std::size_t t_together = 0;
 
 Pool& pool() {
   static auto* const the_pool =
@@ -124,7 +126,7 @@ std::byte* map_pages(std::size_t bytes) {
 }
 
 /// A region's pages, from where a huge page can begin.
-std::byte* map_region() {
+std::byte* map_region(bool of_huge_pages) {
   constexpr std::size_t kBlockBytes = kBlockPages * kPageBytes;
   constexpr std::size_t kBytes = kRegionPages * kPageBytes;
   std::byte* const all = map_pages(kBytes + kBlockBytes);
@@ -132,7 +134,7 @@ std::byte* map_region() {
       (kBlockBytes - reinterpret_cast<std::uintptr_t>(all) % kBlockBytes) % kBlockBytes;
   if (before > 0) munmap(all, before);
   if (before < kBlockBytes) munmap(all + before + kBytes, kBlockBytes - before);
-  madvise(all + before, kBytes, MADV_HUGEPAGE);
+  madvise(all + before, kBytes, of_huge_pages ? MADV_HUGEPAGE : MADV_NOHUGEPAGE);
   return all + before;
 }
 
@@ -155,7 +157,7 @@ bool is_untouched(const Region& region, std::size_t block) {
 
 /// Whether a block may be a huge page although that many of its pages were not asked for.
 bool may_be_huge(std::size_t beside, const Pool& p) {
-  return beside <= p.used_pages && p.idle_pages + beside <= kMostIdlePages;
+  return beside == 0 || (beside <= p.used_pages && p.idle_pages + beside <= kMostIdlePages);
 }
 
 /// The first page of an untouched block, or kRegionPages.
@@ -233,7 +235,7 @@ void give_back(Pool& p, std::size_t most_idle, bool splits) {
 /// Gives back what is more than may be idle. With p.mutex held.
 void give_back_surplus(Pool& p) {
   for (const bool splits : {false, true})
-    if (p.together == 0 && p.idle_pages > kMostIdlePages)
+    if (t_together == 0 && p.idle_pages > kMostIdlePages)
       give_back(p, kMostIdlePages - kGivenBackPages, splits);
 }
 
@@ -262,16 +264,12 @@ void free_run(Pool& p, std::byte* at, std::size_t pages) {
 
 }  // namespace
 
-ReleaseTogether::ReleaseTogether() {
-  Pool& p = pool();
-  const std::lock_guard lock(p.mutex);
-  ++p.together;
-}
+ReleaseTogether::ReleaseTogether() { ++t_together; }
 
 ReleaseTogether::~ReleaseTogether() {
+  --t_together;
   Pool& p = pool();
   const std::lock_guard lock(p.mutex);
-  --p.together;
   give_back_surplus(p);
 }
 
@@ -327,7 +325,7 @@ void* PagePool::allocate(std::size_t bytes) {
     return start + first * kPageBytes;
   }
   auto region = std::make_unique<Region>();
-  region->start = map_region();
+  region->start = map_region(p.has_huge);
   if (!p.has_huge) region->small.set();
   std::byte* const start = region->start;
   Region& first = *p.regions.emplace(start, std::move(region)).first->second;

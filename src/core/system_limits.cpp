@@ -198,7 +198,8 @@ std::uint64_t anonymous_bytes(const std::string& system_root) {
 }
 
 std::uint64_t huge_page_bytes(const std::string& system_root) {
-  if (::prctl(PR_GET_THP_DISABLE, 0, 0, 0, 0) != 0) return 0;
+  // 3, from Linux 6.18 on: disabled, but not where they are asked for.
+  if (::prctl(PR_GET_THP_DISABLE, 0, 0, 0, 0) == 1) return 0;
   const std::string folder = system_root + "/sys/kernel/mm/transparent_hugepage/";
   const std::uint64_t bytes = limit_in(folder + "hpage_pmd_size");
   // Of choices the one that holds is in brackets. Newer systems have one for each size, too.

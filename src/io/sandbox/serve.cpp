@@ -22,6 +22,7 @@
 #include <memory>
 #include <new>
 
+#include "core/page_pool.h"
 #include "io/codec/row_decoder.h"
 #include "io/codec/sample.h"
 #include "io/files/asset_file.h"
@@ -163,6 +164,7 @@ int serve_images(int socket, bool with_module, ImageOpener& opener) {
   try {
     if (with_module) foreign_module("images are");
     const std::uint64_t space = address_space_bytes();
+    PageVector<std::byte>(1);  // the pool asks the system about huge pages, which it may now
     const bool is_confined = enter_sandbox();
     send_message(socket, {{"confined", is_confined}, {"address_space", space}});
     std::unique_ptr<OpenImage> image;

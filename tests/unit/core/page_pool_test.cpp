@@ -161,11 +161,13 @@ TEST_CASE("huge pages go back whole while others have parts to spare") {
     return reinterpret_cast<std::uintptr_t>(buffer.at) / kHuge;
   };
   std::map<std::size_t, std::vector<Buffer>> blocks;
-  for (std::size_t i = 0; i < kCount; ++i) {
+  // Until the last block is full, too: what is left of it would be idle.
+  for (std::size_t i = 0, in_last = 0; i < kCount || in_last < kHuge / kBytes; ++i) {
     Buffer buffer{nullptr, kBytes, i};
     buffer.at = static_cast<std::uint64_t*>(PagePool::instance().allocate(kBytes));
     fill(buffer);
     blocks[block_of(buffer)].push_back(buffer);
+    in_last = blocks[block_of(buffer)].size();
   }
   const std::size_t before = huge_bytes();
   const auto release = [](std::vector<Buffer>& from, std::size_t left) {
