@@ -28,9 +28,10 @@ class PagePool {
   PagePool() = default;
 };
 
-/// While one lives, what is released stays in the pool. Then what is more than may be idle goes
-/// back to the system at once, neighbours together: for what releases very many buffers, one by
-/// one. Nobody may count what is released as free memory before that. Thread-safe.
+/// While one lives, what its thread releases stays in the pool, all but empty regions and mappings
+/// of their own. Then what is more than may be idle goes back to the system at once, neighbours
+/// together: for who releases very many buffers, one by one. Nobody may count these as free memory
+/// before that.
 class ReleaseTogether {
  public:
   ReleaseTogether();
