@@ -212,9 +212,9 @@ class TargetTransfer {
       if (!share_of(step)->in_parts) return miss(step, 0, 0, share_of(step)->tasks);
     }
     // A cache that a thousand tasks fill is looked through by each of them, again and again: they
-    // add what others read. Nobody has all hits of an image that is cut.
-    job_.keeps_hits = !is_shared();
-    job_.stores->add_new(store::PackKind::hits, job_.keeps_hits);
+    // add what others read. Nobody has all hits, or all results, of an image that is cut.
+    job_.keeps_pages = !is_shared();
+    job_.stores->add_new(store::PackKind::hits, job_.keeps_pages);
     job_.stores->add_new(store::PackKind::geometry, !is_shared() || share_of(step)->in_parts);
     const auto target = vectorize(p, page);
     const runtime::Lease directory(job_.budget, target->size_bytes(),
@@ -336,7 +336,9 @@ class TargetTransfer {
                             ->project(results);
     job_.report.bytes_written += result.written_bytes;
     outcome::add_nodes(result.nodes, job_.report.nodes);
-    job_.meter.end();
+    all_results_known_ = all_results_known_ && result.is_known;
+    if (all_results_known_) job_.clock.set_cached("project");
+    job_.meter.end(result.is_known);
     return result;
   }
 
@@ -429,7 +431,7 @@ class TargetTransfer {
   std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
   /// What the finished steps of a model have made, until it is there.
   std::vector<std::unique_ptr<job::StepPack>> packs_of_model_;
-  bool all_targets_cached_ = true;
+  bool all_targets_cached_ = true, all_results_known_ = true;
   bool is_missing_ = false;       ///< some image could not be assembled
   bool makes_parts_ = false;      ///< of images that others assemble
   std::uint64_t steps_done_ = 0;  ///< passes of pages

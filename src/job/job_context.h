@@ -76,7 +76,7 @@ struct JobContext {
   bool merges_materials = false;  ///< of a source mesh, into one of the target that is made of it
   /// How long a step takes before what it has made is kept for a later run.
   std::chrono::milliseconds keeps_results_after = std::chrono::seconds(1);
-  bool keeps_hits = true;                 ///< in the cache: of the page that is being made
+  bool keeps_pages = true;                ///< hits and results of this page go into the cache
   bool keeps_stores = false;              ///< stores go into the cache (of a plan: would go)
   std::uint64_t cache_limit_bytes = 0;    ///< then: what the cache may take; 0 = no limit
   std::uint64_t scratch_limit_bytes = 0;  ///< of all scratch files together; 0 = no limit

@@ -174,8 +174,9 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
     // Records of what is made, as if each block had one of its own (flow/project/results.cpp).
     constexpr std::uint64_t kRecord = 192, kRecordOfChannel = 17;
     of_page += blocks * (kRecord + kRecordOfChannel * plan.passes[p].channels.size());
-    // The results of a model's pages stay until it is there: a later run may need them all.
     const std::size_t pages = target.images[plan.passes[p].channels.front()].size();
+    if (keeps_ && plan.passes[p].keeps_results) stores_ += of_page * pages;
+    // The results of a model's pages stay until it is there: a later run may need them all.
     results = is_model ? results + of_page * pages : std::max(results, of_page);
     kept = is_model ? kept + kept_of_page * pages : std::max(kept, kept_of_page);
   }

@@ -131,6 +131,7 @@ struct PassPlan {
   bool has_shape = false;             ///< is one of them of the surface itself, or tinted?
   bool has_map = false;               ///< is one of them a map of the hits?
   bool keeps_hits = false;            ///< what its texels hit may stay in the cache
+  bool keeps_results = false;         ///< what they become may
 };
 
 /// The source's side of a job: the same for all its targets, and for all kinds of sources.

@@ -84,6 +84,7 @@ class SourcePlanner {
       // Each texel is a Gaussian; or the shape is what is transferred.
       pass.source.exact = planning_.as_gaussians || pass.has_shape;
       pass.keeps_hits = !pass.source.exact;
+      pass.keeps_results = planning_.as_gaussians;
       pass.source.colours = needs_colours(pass);
       pass.shape = surface::source_shape(pass.source);
     }

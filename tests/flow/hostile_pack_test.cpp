@@ -118,8 +118,10 @@ struct Jobs {
                 const std::function<void(const std::string&)>& harm) const {
     std::filesystem::remove_all(cache);
     std::filesystem::copy(pristine, cache, std::filesystem::copy_options::recursive);
-    // Known hits spare a job the surfaces: without them it reads every pack.
+    // Known hits spare a job the surfaces, known results all else: without them it reads every
+    // pack.
     std::filesystem::remove_all(cache + "/v3/hits");
+    if (!pack.starts_with("results/")) std::filesystem::remove_all(cache + "/v3/results");
     harm(cache + "/v3/" + pack);
     Verdict verdict;
     std::vector<std::string> warnings;
@@ -454,6 +456,25 @@ TEST_CASE("fields of packs of texels as Gaussians do no harm whatever they say",
   const auto packs = jobs.packs("splats");
   REQUIRE(packs.size() == 1);
   harm_everywhere(jobs, packs.front());  // how many there are is not known before
+}
+
+TEST_CASE("fields of packs of results do no harm whatever they say", "[flow]") {
+  const Jobs jobs(From::texels);
+  const auto packs = jobs.packs("results");
+  REQUIRE(packs.size() == 1);
+  harm_everywhere(jobs, packs.front());
+  const PackTree tree(jobs.pristine + "/v3/" + packs.front());
+  REQUIRE(tree.blocks.size() > 1);
+  jobs.refuse("a block of another size", packs.front(), [&](const std::string& path) {
+    PackTree other = tree;
+    other.blocks[1].resize(other.blocks[1].size() - 1);
+    other.write(path);
+  });
+  jobs.refuse("a block that is the directory", packs.front(), [&](const std::string& path) {
+    PackTree other = tree;
+    other.blocks[1] = other.directory;
+    other.write(path);
+  });
 }
 
 TEST_CASE("float colours that are not finite are noticed", "[flow]") {

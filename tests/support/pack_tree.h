@@ -30,7 +30,8 @@ struct PackTree {
   Bytes directory;
   std::vector<Tile> tiles;
   std::vector<std::size_t> at;  ///< where the directory holds each page's chunk
-  /// Of hits, which have no tiles: payloads, and where the directory holds each one's chunk.
+  /// Of hits and results, which have no tiles: payloads, and where the directory holds each one's
+  /// chunk.
   std::vector<Bytes> blocks;
   std::vector<std::size_t> block_at;
 
@@ -49,7 +50,15 @@ struct PackTree {
       return store::read_payload(pack, ref, what, store::kLargestChunkBytes, compressor);
     };
     directory = read(pack.directory(), store::ChunkKind::directory);
-    kind == store::PackKind::hits ? find_hits() : find_tiles();
+    if (kind == store::PackKind::hits) {
+      find_places(8, directory.size());
+    } else if (kind == store::PackKind::results) {
+      const std::size_t places =
+          std::size_t{u32(directory, 0)} * u32(directory, 4) * u32(directory, 8);
+      find_places(12, 12 + 16 * places);
+    } else {
+      find_tiles();
+    }
     for (const std::size_t place : block_at)
       blocks.push_back(read(chunk(directory, place), store::ChunkKind::block));
     for (const std::size_t place : at) {
@@ -112,8 +121,8 @@ struct PackTree {
     for (std::size_t place = first; place + 16 <= directory.size(); place += step)
       at.push_back(place);
   }
-  void find_hits() {
-    for (std::size_t place = 8; place + 16 <= directory.size(); place += 16) {
+  void find_places(std::size_t first, std::size_t end) {
+    for (std::size_t place = first; place + 16 <= end; place += 16) {
       if (chunk(directory, place).raw_bytes > 0) block_at.push_back(place);
     }
   }

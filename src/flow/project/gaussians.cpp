@@ -17,11 +17,26 @@
 
 #include <algorithm>
 #include <optional>
+#include <string_view>
 
 #include "flow/project/splat_method.h"
 
 namespace pounce::flow {
 namespace {
+
+/// Of all that decides what texels become.
+Hash128 key_of(const GaussianProjection& request) {
+  Hasher hash;
+  hash.add(std::string_view("texels on rays"));
+  begin_key(request.source->store().pack().key(), *request.target, hash);
+  add_format(request.format, hash);
+  hash.add(request.linear);
+  hash.add(request.has_alpha);
+  const auto& [max_distance, first_reach, min_cosine] = request.limits;
+  for (const float limit : {max_distance, first_reach, min_cosine, request.smallest_edge})
+    hash.add(limit);
+  return hash.digest();
+}
 
 class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::RayState> {
  public:
@@ -101,8 +116,13 @@ float first_reach(double diagonal, ImageSize size) {
 
 std::unique_ptr<Projection> project_gaussians(job::JobContext& job,
                                               const GaussianProjection& request) {
-  return std::make_unique<PageProjector<GaussianMethod>>(job, *request.target,
-                                                         GaussianMethod(job, request));
+  const KnownPage page{key_of(request), request.target, {request.format}};
+  return known_or_made(job, page, [&](ResultKeeper* keeper) {
+    GaussianProjection kept = request;
+    kept.keeper = keeper;
+    return std::make_unique<PageProjector<GaussianMethod>>(job, *request.target,
+                                                           GaussianMethod(job, kept));
+  });
 }
 
 std::uint64_t project_gaussians_least_bytes(std::uint64_t result_texel_bytes) {

@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include "flow/project/known_results.h"
 #include "flow/project/page_projector.h"
 #include "flow/stores/block_readers.h"
 #include "projection/splat_blend.h"
@@ -19,7 +20,8 @@ struct GaussianProjection {
   bool has_alpha = false;       ///< some of the source's images have alpha
   projection::RayLimits limits;
   const projection::SplatKernels* kernels = nullptr;
-  float smallest_edge = 0;  ///< see TargetBlock
+  float smallest_edge = 0;         ///< see TargetBlock
+  ResultKeeper* keeper = nullptr;  ///< null: nobody wants the results later
 
   static bool looks_in_turn() { return false; }
   static std::uint64_t beside_bytes(std::uint64_t) { return 0; }

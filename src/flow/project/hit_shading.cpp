@@ -116,7 +116,7 @@ class BlockShading {
       // A block without a covered texel is not stored at all: writing images takes a missing block
       // as empty.
       if (results[g].covered != 0)
-        finish_block(job_, channels_[c].format, results[g].block, c, b, work);
+        finish_block(job_, channels_[c].format, results[g].block, c, b, job_.scratch_room(), work);
       results[g] = {};  // its memory
     }
   }

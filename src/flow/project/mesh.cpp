@@ -254,7 +254,7 @@ std::unique_ptr<Projection> project_mesh(job::JobContext& job, const MeshProject
       job.count_store(known->pack(), true);
       return shade_known(job, request, std::move(known));
     }
-    if (known == nullptr && job.keeps_hits) keeper = std::make_unique<HitKeeper>(job, request);
+    if (known == nullptr && job.keeps_pages) keeper = std::make_unique<HitKeeper>(job, request);
   }
   return std::make_unique<Search>(job, request, std::move(keeper));
 }

@@ -139,9 +139,8 @@ void read_packets(job::JobContext& job, const store::GeometryStore& target, floa
 
 void finish_block(job::JobContext& job, const shading::TexelFormat& format,
                   const shading::ResultBlock& result, std::size_t c, std::size_t b,
-                  PieceWork& work) {
-  work.raw_bytes[c] =
-      shading::encode(result, format, job.compressor(), job.scratch_room(), work.stored[c][b]);
+                  store::PlainRoom* room, PieceWork& work) {
+  work.raw_bytes[c] = shading::encode(result, format, job.compressor(), room, work.stored[c][b]);
 }
 
 }  // namespace pounce::flow

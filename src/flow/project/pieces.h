@@ -106,9 +106,10 @@ void read_packets(job::JobContext& job, const store::GeometryStore& target, floa
 
 // --- results -------------------------------------------------------------------------------------
 
-/// Encodes and compresses a finished result block of channel `c` and block `b` into the work.
+/// Encodes a finished result block of channel `c` and block `b` into the work, compressed unless
+/// there is `room` for it as it is.
 void finish_block(job::JobContext& job, const shading::TexelFormat& format,
                   const shading::ResultBlock& result, std::size_t c, std::size_t b,
-                  PieceWork& work);
+                  store::PlainRoom* room, PieceWork& work);
 
 }  // namespace pounce::flow

@@ -31,6 +31,7 @@ struct PageResult : store::ResultCounts {
   std::vector<std::vector<store::ChunkRef>> blocks;
   std::vector<NodeReport> nodes;  ///< of the graph that made it
   std::uint64_t written_bytes = 0;
+  bool is_known = false;  ///< it came from the cache
 };
 
 /// What of a page is to be made.

@@ -84,6 +84,11 @@ class SplatMethodBase {
 
   static void bin(Work&) {}  // blocks bring their trees of spheres
 
+  /// By one work at a time.
+  void keep(const PieceWork& work) const {
+    if (request_.keeper != nullptr) request_.keeper->store(work);
+  }
+
  protected:
   SplatMethodBase(job::JobContext& job, Request request)
       : job_(&job), request_(std::move(request)) {}
@@ -274,7 +279,10 @@ class SplatMethodBase {
         result.cover(texel[std::countr_zero(found)]);
     }
     work.covered[c] += covered;
-    if (covered > 0) finish_block(*job_, format, result, c, b, work);
+    if (covered == 0) return;
+    // What stays in the cache is kept small.
+    store::PlainRoom* const room = request_.keeper == nullptr ? job_->scratch_room() : nullptr;
+    finish_block(*job_, format, result, c, b, room, work);
   }
 };
 

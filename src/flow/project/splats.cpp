@@ -20,6 +20,7 @@
 #include <bit>
 #include <cmath>
 #include <optional>
+#include <string_view>
 #include <tuple>
 
 #include "flow/project/around.h"
@@ -29,6 +30,34 @@
 
 namespace pounce::flow {
 namespace {
+
+/// Of all that decides what texels become, where all look along their normals.
+Hash128 key_of(const SplatProjection& request) {
+  Hasher hash;
+  hash.add(std::string_view("along normals"));
+  begin_key(request.source->store().pack().key(), *request.target, hash);
+  hash.add(request.source->reader().harmonics);
+  hash.add(request.linear);
+  hash.add(request.alpha);
+  hash.add(request.fit);
+  hash.add(request.smallest_edge);
+  const auto& [reach, min_cosine, window, discness, antialiased, rays, least_opacity,
+               least_confidence, expected, deviation, fine_edge] = request.limits;
+  for (const float limit : {reach, min_cosine, window, discness, expected, deviation, fine_edge})
+    hash.add(limit);
+  hash.add(antialiased);
+  hash.add(rays);
+  hash.add(least_opacity);
+  hash.add(least_confidence);
+  for (const SplatOutput& output : request.outputs) {
+    const auto& [channel, format, input] = output;
+    hash.add(channel);
+    add_format(format, hash);
+    hash.add(input.has_value());
+    if (input) add_input(*input, hash);
+  }
+  return hash.digest();
+}
 
 using Base = SplatMethodBase<SplatProjection, projection::SplatState>;
 
@@ -289,8 +318,18 @@ class SplatMethod : public Base {
 }  // namespace
 
 std::unique_ptr<Projection> project_splats(job::JobContext& job, const SplatProjection& request) {
-  return std::make_unique<PageProjector<SplatMethod>>(job, *request.target,
-                                                      SplatMethod(job, request));
+  const auto project = [&](ResultKeeper* keeper) {
+    SplatProjection kept = request;
+    kept.keeper = keeper;
+    return std::make_unique<PageProjector<SplatMethod>>(job, *request.target,
+                                                        SplatMethod(job, kept));
+  };
+  // What views show depends on all of a target's mesh. They are kept themselves, and what is left
+  // is half as quick as it is to blend along normals.
+  if (request.views != nullptr) return project(nullptr);
+  KnownPage page{key_of(request), request.target, {}};
+  for (const SplatOutput& output : request.outputs) page.formats.push_back(output.format);
+  return known_or_made(job, page, project);
 }
 
 projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& request,

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "flow/project/known_results.h"
 #include "flow/project/page_projector.h"
 #include "flow/stores/block_readers.h"
 #include "flow/stores/views.h"
@@ -40,6 +41,7 @@ struct SplatProjection {
   bool in_turn = false;     ///< see looks_in_turn(); with views alone, which see most texels
   /// The scene from all around: texels that no view sees look along their normals. Null: all do.
   const SceneViews* views = nullptr;
+  ResultKeeper* keeper = nullptr;  ///< null: nobody wants the results later
 
   std::size_t channels() const { return outputs.size(); }
   const shading::TexelFormat& format_of(std::size_t c) const { return outputs[c].format; }

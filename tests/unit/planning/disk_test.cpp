@@ -6,6 +6,8 @@
 
 #include <catch2/catch.hpp>
 
+#include "shading/result_block.h"
+
 using namespace pounce;
 using namespace pounce::planning;
 
@@ -117,6 +119,17 @@ struct OneImage {
     return disk.forecast();
   }
 };
+
+TEST_CASE("results that a cache keeps add up by page") {
+  OneImage job;
+  const std::uint64_t without = job.forecast().cache_bytes;
+  job.plan.passes[0].keeps_results = true;
+  const std::uint64_t one = job.forecast().cache_bytes - without;
+  CHECK(one >= 256 * 256 * 3 + 16 * shading::kMaskBytes);
+  CHECK(one <= 256 * 256 * 3 + 16 * shading::kMaskBytes + (32 << 10));
+  job.target.images[0].push_back(job.target.images[0][0]);
+  CHECK(job.forecast().cache_bytes - without == 2 * one);
+}
 
 TEST_CASE("outputs are the images that are written and their masks") {
   OneImage job;
