@@ -336,8 +336,6 @@ class TargetTransfer {
                             ->project(results);
     job_.report.bytes_written += result.written_bytes;
     outcome::add_nodes(result.nodes, job_.report.nodes);
-    all_results_known_ = all_results_known_ && result.is_known;
-    if (all_results_known_) job_.clock.set_cached("project");
     job_.meter.end(result.is_known);
     return result;
   }
@@ -431,7 +429,7 @@ class TargetTransfer {
   std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
   /// What the finished steps of a model have made, until it is there.
   std::vector<std::unique_ptr<job::StepPack>> packs_of_model_;
-  bool all_targets_cached_ = true, all_results_known_ = true;
+  bool all_targets_cached_ = true;
   bool is_missing_ = false;       ///< some image could not be assembled
   bool makes_parts_ = false;      ///< of images that others assemble
   std::uint64_t steps_done_ = 0;  ///< passes of pages

@@ -13,9 +13,12 @@
 #include "pounce/transfer.h"
 #include "support/bytes.h"
 #include "support/many_threads.h"
+#include "support/mesh_files.h"
+#include "support/pack_tree.h"
 #include "support/random.h"
 #include "support/random_scene.h"
 #include "support/reference_splats.h"
+#include "support/sheet.h"
 #include "support/test_data.h"
 
 namespace pounce::test {
@@ -81,7 +84,7 @@ struct Job {
     return report;
   }
   /// Through the cache; its bytes are those of a job without one.
-  Report run() const {
+  Report run(bool may_warn = false) const {
     std::vector<Bytes> with, without;
     const Report alone = run(false, without);
     Report report = run(true, with);
@@ -90,7 +93,7 @@ struct Job {
     CHECK(report.target_covered > 0);
     CHECK(report.target_covered == alone.target_covered);
     CHECK((report.targets[0].distances == alone.targets[0].distances));
-    CHECK(report.warnings == alone.warnings);
+    if (!may_warn) CHECK(report.warnings == alone.warnings);
     return report;
   }
 
@@ -184,6 +187,51 @@ TEST_CASE("texels on rays are known, too", "[flow]") {
   CHECK((read_whole(posix_file_system(), options.output) == first));
   options.search.max_angle_deg = 50;
   CHECK(projected(transfer(options)));
+}
+
+TEST_CASE("results that the cache has no room for take none of the scratch files'", "[flow]") {
+  Job job(8);
+  job.options.image.size = ImageSize{512, 512};
+  job.options.resources.cache_dir = job.cache;
+  job.options.resources.cache_limit_bytes = 64 << 10;
+  job.options.output = job.folder.file("<TARGET>.png");
+  std::vector<std::string> targets;
+  for (const char* name : {"a", "b", "c", "d"}) {
+    targets.push_back(job.folder.file(std::string(name) + ".glb"));
+    write_glb(targets.back(), wavy_sheet(6 + name[0] % 4, 3));
+  }
+  job.options.targets = targets;
+  job.options.image.depth = Depth::u16;
+  job.strew(8, 0.9);  // over the first, which the others are close to
+  const auto peak = [&](std::uint64_t mebibytes) {
+    job.options.resources.memory_bytes = mebibytes << 20;
+    const Report report = transfer(job.options);
+    CHECK(report.target_covered > 100'000);  // of four
+    return report.temp_peak_bytes;
+  };
+  const std::uint64_t without = peak(47);  // a budget in which none are kept
+  CHECK(without > 300'000);
+  CHECK(peak(256) <= without + without / 4);
+  CHECK(job.packs().empty());
+}
+
+TEST_CASE("a second cache with results that cannot be stops no job", "[flow]") {
+  Job job(9);
+  job.run();
+  const std::string second = job.folder.file("second");
+  fs::rename(job.cache, second);
+  const std::string pack = second + "/v3/results";
+  for (const auto& entry : fs::directory_iterator(pack)) {
+    if (entry.path().extension() != ".pack") continue;
+    const PackTree tree(entry.path());
+    tree.write(entry.path(), [](int, Bytes& directory) {
+      store::put_u32(directory.data(), store::get_u32(directory.data()) + 1);
+    });
+  }
+  job.options.resources.cache_readonly_dir = second;
+  CHECK(projected(job.run(true)));
+  CHECK(job.packs().size() == 1);  // made anew, in the first
+  CHECK_FALSE(projected(job.run(true)));
 }
 
 TEST_CASE("damaged results are projected again and never change the picture", "[flow]") {

@@ -117,7 +117,7 @@ float first_reach(double diagonal, ImageSize size) {
 std::unique_ptr<Projection> project_gaussians(job::JobContext& job,
                                               const GaussianProjection& request) {
   const KnownPage page{key_of(request), request.target, {request.format}};
-  return known_or_made(job, page, [&](ResultKeeper* keeper) {
+  return known_or_made(job, page, [&job, request](ResultKeeper* keeper) {
     GaussianProjection kept = request;
     kept.keeper = keeper;
     return std::make_unique<PageProjector<GaussianMethod>>(job, *request.target,

@@ -247,6 +247,8 @@ void HitKeeper::store(const PieceWork& work) {
                    static_cast<std::uint32_t>(work.blocks[b].y), work.hits[b], work.hit_bytes[b]);
     }
   });
+  // What the cache has no room for would only take that of this job's own scratch.
+  if (writer_ != nullptr && !job_.stores->is_kept(writer_->pack())) writer_.reset();
 }
 
 void HitKeeper::give_up() {

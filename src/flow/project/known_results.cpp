@@ -64,55 +64,51 @@ std::unique_ptr<KnownResults> find_results(job::JobContext& job, const KnownPage
       });
 }
 
-/// The index of the results, of those that a store holds and of those that are made.
-bool may_keep(const job::JobContext& job, const KnownPage& page) {
-  constexpr std::uint64_t kPerThread = 16ULL << 20;
-  const std::uint64_t index = store::ResultStoreWriter::index_bytes(grid_of(page));
-  return job.keeps_stores && job.keeps_pages &&
-         job.budget.limit() / (job.threads + 1) >= kPerThread + 2 * index;
+/// Of a directory that is read or written: as it is stored, as a chunk, and before compression.
+constexpr std::uint64_t kDirectories = 3;
+
+std::uint64_t index_bytes(const KnownPage& page) {
+  return store::ResultStoreWriter::index_bytes(grid_of(page));
 }
 
-/// Results that are known.
-class Known final : public Projection {
+bool may_keep(const job::JobContext& job, const KnownPage& page) {
+  constexpr std::uint64_t kPerThread = 16ULL << 20;
+  const std::uint64_t index = (1 + kDirectories) * index_bytes(page);
+  return job.keeps_stores && job.keeps_pages &&
+         job.budget.limit() / (job.threads + 1) >= kPerThread + index &&
+         std::none_of(page.formats.begin(), page.formats.end(),
+                      [](const auto& format) { return format.transform != nullptr; });
+}
+
+class KnownOrMade final : public Projection {
  public:
-  Known(job::JobContext& job, const KnownPage& page, store::ResultStore store)
-      : job_(job),
-        index_lease_(job.budget, store::ResultStoreWriter::index_bytes(grid_of(page)),
-                     "the index of the results"),
-        store_(std::move(store)) {}
+  KnownOrMade(job::JobContext& job, KnownPage page,
+              std::function<std::unique_ptr<Projection>(ResultKeeper*)> make)
+      : job_(job), page_(std::move(page)), make_(std::move(make)) {}
 
   PageResult project(ResultCollector& results) override {
-    PageResult result;
-    static_cast<store::ResultCounts&>(result) = std::move(store_.counts);
-    result.pack = std::move(store_.pack);
-    result.blocks = std::move(store_.blocks);
-    result.is_known = true;
-    job_.meter.advance(results.texels_left());
+    // Whoever lacks a part, or nothing, is not to wait for a process that makes all of it.
+    if (!results.makes_all() || !may_keep(job_, page_)) return make_(nullptr)->project(results);
+    if (auto known = find()) {
+      job_.count_store(*known->store.pack, true);
+      return results.take(std::move(known->store));
+    }
+    ResultKeeper keeper(job_, page_);
+    PageResult result = make_(&keeper)->project(results);
+    keeper.publish();
     return result;
   }
 
  private:
+  std::unique_ptr<KnownResults> find() const {
+    const runtime::Lease reading(job_.budget, kDirectories * index_bytes(page_),
+                                 "the index of the results");
+    return find_results(job_, page_);
+  }
+
   job::JobContext& job_;
-  runtime::Lease index_lease_;
-  store::ResultStore store_;
-};
-
-/// Results that are made, and kept if nothing of them was there.
-class Kept final : public Projection {
- public:
-  Kept(std::unique_ptr<ResultKeeper> keeper, std::unique_ptr<Projection> projection)
-      : keeper_(std::move(keeper)), projection_(std::move(projection)) {}
-
-  PageResult project(ResultCollector& results) override {
-    if (!results.makes_all()) keeper_->give_up();
-    PageResult result = projection_->project(results);
-    keeper_->publish();
-    return result;
-  }
-
- private:
-  std::unique_ptr<ResultKeeper> keeper_;
-  std::unique_ptr<Projection> projection_;
+  const KnownPage page_;
+  const std::function<std::unique_ptr<Projection>(ResultKeeper*)> make_;
 };
 
 }  // namespace
@@ -146,9 +142,8 @@ void add_input(const shading::ColourInput& input, Hasher& hash) {
 
 ResultKeeper::ResultKeeper(job::JobContext& job, const KnownPage& page) : job_(job) {
   // The claim on the key, taken by find_results(), passes to the pack that is created here. Other
-  // jobs that want these results wait until it is published or given up.
-  const store::ResultGrid grid = grid_of(page);
-  index_lease_ = runtime::Lease(job.budget, store::ResultStoreWriter::index_bytes(grid),
+  // jobs that want these results wait until it is published or gone.
+  index_lease_ = runtime::Lease(job.budget, (1 + kDirectories) * index_bytes(page),
                                 "the index of the results");
   while_stored([&] {
     const mesh::Lattice& image = page.target->directory().pages.front();
@@ -156,7 +151,7 @@ ResultKeeper::ResultKeeper(job::JobContext& job, const KnownPage& page) : job_(j
         job.stores->create(
             store::PackKind::results, page.key,
             fmt::format("results of a target's page, {} x {}", image.width, image.height)),
-        grid);
+        grid_of(page));
   });
 }
 
@@ -164,6 +159,7 @@ template <typename Step>
 void ResultKeeper::while_stored(const Step& step) {
   try {
     step();
+    if (writer_ != nullptr && !job_.stores->is_kept(writer_->pack())) writer_.reset();
   } catch (const Error& e) {
     // A disk that is full costs the next job its projection, not this one its images. Everything
     // else, such as a cancelled job, ends it as usual.
@@ -190,8 +186,9 @@ void ResultKeeper::store(const PieceWork& work) {
 void ResultKeeper::publish() {
   if (writer_ != nullptr) {
     while_stored([&] {
-      const auto pack = job_.stores->publish(writer_->finish(counts_, job_.compressor()));
-      job_.count_store(*pack, false);
+      auto pack = std::exchange(writer_, nullptr)->finish(counts_, job_.compressor());
+      if (!job_.stores->is_kept(*pack)) return;
+      job_.count_store(*job_.stores->publish(std::move(pack)), false);
     });
   }
   if (!refusal_.empty()) {
@@ -201,16 +198,9 @@ void ResultKeeper::publish() {
 }
 
 std::unique_ptr<Projection> known_or_made(
-    job::JobContext& job, const KnownPage& page,
-    const std::function<std::unique_ptr<Projection>(ResultKeeper*)>& make) {
-  if (!may_keep(job, page)) return make(nullptr);
-  if (auto known = find_results(job, page)) {
-    job.count_store(*known->store.pack, true);
-    return std::make_unique<Known>(job, page, std::move(known->store));
-  }
-  auto keeper = std::make_unique<ResultKeeper>(job, page);
-  auto projection = make(keeper.get());
-  return std::make_unique<Kept>(std::move(keeper), std::move(projection));
+    job::JobContext& job, KnownPage page,
+    std::function<std::unique_ptr<Projection>(ResultKeeper*)> make) {
+  return std::make_unique<KnownOrMade>(job, std::move(page), std::move(make));
 }
 
 }  // namespace pounce::flow

@@ -38,28 +38,30 @@ void add_input(const shading::ColourInput& input, Hasher& hash);
 /// as a warning: the job is done without.
 class ResultKeeper {
  public:
+  /// After a look in the cache that has found nothing: others wait for them from then on.
   ResultKeeper(job::JobContext& job, const KnownPage& page);
-  void store(const PieceWork& work);   ///< not thread-safe
-  void publish();                      ///< after the last one
-  void give_up() { writer_.reset(); }  ///< before the first one: they will not be all there are
+  void store(const PieceWork& work);  ///< not thread-safe
+  void publish();                     ///< after the last one
 
  private:
-  /// Does a step of storing, and stores no more where the disk refuses it.
+  /// Does a step of storing, and stores no more where the disk refuses it, or the cache has no
+  /// room: then it would only take that of the job's own scratch.
   template <typename Step>
   void while_stored(const Step& step);
 
   job::JobContext& job_;
   runtime::Lease index_lease_;
-  std::unique_ptr<store::ResultStoreWriter> writer_;  ///< null: refused, or given up
+  std::unique_ptr<store::ResultStoreWriter> writer_;  ///< null: refused
   store::ResultCounts counts_;
   std::string refusal_;
 };
 
 /// What projects a page: its results from the cache, or what `make` makes of it, kept as they are
-/// made. Without a cache, and where the budget is so tight that an index more would cost the
-/// projection its memory, `make` gets no keeper.
+/// made. `make` gets no keeper where nothing is kept: without a cache, where the budget is so tight
+/// that an index more would cost the projection its memory, for texels that go through a colour
+/// transform, whose last bits may be a processor's own, and where a part of the page is there.
 std::unique_ptr<Projection> known_or_made(
-    job::JobContext& job, const KnownPage& page,
-    const std::function<std::unique_ptr<Projection>(ResultKeeper*)>& make);
+    job::JobContext& job, KnownPage page,
+    std::function<std::unique_ptr<Projection>(ResultKeeper*)> make);
 
 }  // namespace pounce::flow

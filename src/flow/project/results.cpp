@@ -177,6 +177,17 @@ PageResult ResultCollector::finish() {
   return result;
 }
 
+PageResult ResultCollector::take(store::ResultStore known) {
+  PageResult result;
+  static_cast<store::ResultCounts&>(result) = std::move(known.counts);
+  result.pack = std::move(known.pack);
+  index_.blocks() = std::move(known.blocks);  // whose memory is leased
+  result.blocks = std::move(index_.blocks());
+  result.is_known = true;
+  job_.meter.advance(texels_left_);
+  return result;
+}
+
 void ResultCollector::forget() noexcept {
   if (pack_ != nullptr) return pack_->forget();
   try {

@@ -20,6 +20,7 @@
 #include "store/blocks/geometry_store.h"
 #include "store/blocks/result_index.h"
 #include "store/blocks/result_records.h"
+#include "store/blocks/result_store.h"
 #include "store/pack/pack.h"
 
 namespace pounce::flow {
@@ -58,6 +59,8 @@ class ResultCollector {
   std::uint64_t went_on_with() const { return went_on_with_; }  ///< texels that an earlier run made
   std::uint64_t store(const PieceWork& work);  ///< returns the bytes that were written
   PageResult finish();
+  /// Instead: all of it, as the cache has it.
+  PageResult take(store::ResultStore known);
   /// What was encoded of image `image` of the step, by this run or an earlier one; null where it is
   /// not worth keeping, as of a step that is quick.
   std::unique_ptr<io::EncodedBlocks> encodings(std::uint32_t image);

@@ -22,6 +22,7 @@
 #include <optional>
 #include <string_view>
 #include <tuple>
+#include <utility>
 
 #include "flow/project/around.h"
 #include "flow/project/splat_method.h"
@@ -318,7 +319,7 @@ class SplatMethod : public Base {
 }  // namespace
 
 std::unique_ptr<Projection> project_splats(job::JobContext& job, const SplatProjection& request) {
-  const auto project = [&](ResultKeeper* keeper) {
+  const auto project = [&job, request](ResultKeeper* keeper) {
     SplatProjection kept = request;
     kept.keeper = keeper;
     return std::make_unique<PageProjector<SplatMethod>>(job, *request.target,
@@ -329,7 +330,7 @@ std::unique_ptr<Projection> project_splats(job::JobContext& job, const SplatProj
   if (request.views != nullptr) return project(nullptr);
   KnownPage page{key_of(request), request.target, {}};
   for (const SplatOutput& output : request.outputs) page.formats.push_back(output.format);
-  return known_or_made(job, page, project);
+  return known_or_made(job, std::move(page), project);
 }
 
 projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& request,

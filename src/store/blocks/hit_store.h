@@ -32,7 +32,7 @@ class HitStoreWriter {
   void add(std::uint32_t x, std::uint32_t y, std::span<const std::byte> stored,
            std::uint32_t raw_bytes);
   std::unique_ptr<PackWriter> finish(Compressor& compressor);
-  std::uint64_t size_bytes() const { return pack_->size_bytes(); }
+  const PackWriter& pack() const { return *pack_; }
 
  private:
   std::unique_ptr<PackWriter> pack_;

@@ -24,6 +24,7 @@ class ResultStoreWriter {
            std::uint32_t raw_bytes);
   /// `counts`: of all blocks.
   std::unique_ptr<PackWriter> finish(const ResultCounts& counts, Compressor& compressor);
+  const PackWriter& pack() const { return *pack_; }
   /// Memory of the places of all blocks.
   static std::uint64_t index_bytes(const ResultGrid& grid) {
     return grid.blocks() * grid.channels * sizeof(ChunkRef);

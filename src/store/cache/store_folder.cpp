@@ -39,7 +39,6 @@
 
 #include "pounce/error.h"
 #include "store/cache/cache_space.h"
-#include "store/cache/small_scratch.h"
 
 namespace pounce::store {
 namespace {
@@ -51,59 +50,6 @@ double mebibytes(std::uint64_t bytes) { return static_cast<double>(bytes) / (1 <
 
 using Name = std::tuple<PackKind, std::uint64_t, std::uint64_t>;
 Name name_of(PackKind kind, const Hash128& key) { return {kind, key.hi, key.lo}; }
-
-/// Packs of this process alone: nameless files, kept open. No claims, since nobody else looks.
-class ScratchStore final : public StoreFolder {
- public:
-  ScratchStore(FileSystem& files, std::string folder)
-      : files_(files), folder_(std::move(folder)), shared_(files_, folder_) {}
-
-  std::unique_ptr<PackReader> find(PackKind kind, const Hash128& key, std::string*) override {
-    const std::lock_guard lock(mutex_);
-    const auto found = packs_.find(name_of(kind, key));
-    return found == packs_.end() ? nullptr : open(*found->second);
-  }
-
-  std::unique_ptr<PackWriter> create(PackKind kind, const Hash128& key,
-                                     const std::string&) override {
-    // Images, of which there may be thousands, stay as long as the job: what of them is small need
-    // not be removed from between others.
-    return std::make_unique<PackWriter>(
-        kind == PackKind::colour ? shared_.create() : files_.create_scratch(folder_), kind, key);
-  }
-
-  std::unique_ptr<PackReader> publish(std::unique_ptr<PackWriter> writer) override {
-    if (writer == nullptr || !writer->finished()) {
-      throw Error(ErrorKind::internal, "an unfinished pack was published (please report)");
-    }
-    auto reader = open(*writer);
-    const std::lock_guard lock(mutex_);
-    const Name name = name_of(writer->kind(), writer->key());
-    packs_[name] = std::move(writer);
-    return reader;
-  }
-
-  bool discard(PackKind kind, const Hash128& key) override {
-    const std::lock_guard lock(mutex_);
-    packs_.erase(name_of(kind, key));
-    return true;
-  }
-  bool persistent() const override { return false; }
-
- private:
-  std::unique_ptr<PackReader> open(PackWriter& writer) const {
-    return std::make_unique<PackReader>(
-        writer.file().reader(),
-        fmt::format("{}/(scratch {} pack)", folder_, kind_name(writer.kind())), writer.kind(),
-        writer.key());
-  }
-
-  FileSystem& files_;
-  const std::string folder_;
-  SharedScratch shared_;
-  std::mutex mutex_;  // guards packs_
-  std::map<Name, std::unique_ptr<PackWriter>> packs_;
-};
 
 constexpr std::uint64_t kCopyBytes = 1 << 20;
 
@@ -314,8 +260,21 @@ class CacheFolder final : public StoreFolder {
     return std::make_unique<PackReader>(std::move(file), path, kind, key);
   }
 
+  bool is_kept(const PackWriter& writer) const override {
+    const auto* part = dynamic_cast<const CachePart*>(&writer.file());
+    return part != nullptr && !part->in_scratch();
+  }
+
   bool discard(PackKind kind, const Hash128& key) override {
     unkept_->discard(kind, key);
+    {
+      // The second cache is not ours to mend: what it has is made here.
+      const std::lock_guard lock(mutex_);
+      if (from_second_.erase(name_of(kind, key)) > 0) {
+        second_left_out_.insert(name_of(kind, key));
+        return false;
+      }
+    }
     try {
       if (!read_only_) {
         files_.remove(layout_.pack(kind, key));
@@ -349,9 +308,14 @@ class CacheFolder final : public StoreFolder {
   /// What is damaged there is somebody else's to mend: it is made again here.
   std::unique_ptr<PackReader> find_second(PackKind kind, const Hash128& key) {
     if (options_.second_root.empty()) return nullptr;
+    {
+      const std::lock_guard lock(mutex_);
+      if (second_left_out_.contains(name_of(kind, key))) return nullptr;
+    }
     std::string damage;
     auto pack = open_sound(CacheLayout(options_.second_root), kind, key, &damage);
     const std::lock_guard lock(mutex_);
+    if (pack != nullptr) from_second_.insert(name_of(kind, key));
     if (!damage.empty()) notes_.push_back(damage + "; --cache-readonly has it, this run makes it");
     return pack;
   }
@@ -458,17 +422,13 @@ class CacheFolder final : public StoreFolder {
   std::map<Name, std::unique_ptr<FileLock>> claims_;  ///< keys that find() claimed, until create()
   std::map<Name, std::string> labels_;
   std::set<PackKind> not_added_;
-  std::set<Name> left_out_;  ///< damaged packs that may not be removed
+  std::set<Name> left_out_;                       ///< damaged packs that may not be removed
+  std::set<Name> from_second_, second_left_out_;  ///< given of the second cache; damaged there
   std::vector<std::string> notes_;
   bool unkept_told_ = false;
 };
 
 }  // namespace
-
-std::unique_ptr<StoreFolder> StoreFolder::make_scratch(FileSystem& files,
-                                                       const std::string& folder) {
-  return std::make_unique<ScratchStore>(files, folder);
-}
 
 std::unique_ptr<StoreFolder> StoreFolder::open_cache(FileSystem& files, const std::string& root,
                                                      CacheOptions options) {
