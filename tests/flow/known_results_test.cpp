@@ -127,10 +127,25 @@ TEST_CASE("another file or gutter of the same scene needs no second projection",
       CHECK_FALSE(projected(job.run()));
     }
   }
+  // A projection needs more than that for each thread; results do not.
+  job.options.resources.threads = 1;
+  job.options.resources.memory_bytes = 12 << 20;
+  CHECK_FALSE(projected(job.run()));
   CHECK(job.packs().size() == 1);
-  // No room to spare: nothing is looked for.
-  job.options.resources.memory_bytes = 64 << 20;
-  CHECK(projected(job.run()));
+}
+
+TEST_CASE("results are kept in the least memory, too", "[flow]") {
+  Job job(10);
+  job.options.output = job.folder.file("plan.png");
+  job.options.resources.cache_dir = job.cache;
+  for (const unsigned threads : {1U, 3U}) {
+    fs::remove_all(job.cache);
+    job.options.resources.threads = threads;
+    job.options.resources.memory_bytes = 256 << 20;  // what plans are made under
+    job.options.resources.memory_bytes = plan(job.options).least_memory_bytes;
+    CHECK(projected(job.run()));
+    CHECK_FALSE(projected(job.run()));
+  }
 }
 
 TEST_CASE("several channels of a scene are known together", "[flow]") {
@@ -203,15 +218,15 @@ TEST_CASE("results that the cache has no room for take none of the scratch files
   job.options.targets = targets;
   job.options.image.depth = Depth::u16;
   job.strew(8, 0.9);  // over the first, which the others are close to
-  const auto peak = [&](std::uint64_t mebibytes) {
-    job.options.resources.memory_bytes = mebibytes << 20;
-    const Report report = transfer(job.options);
-    CHECK(report.target_covered > 100'000);  // of four
-    return report.temp_peak_bytes;
-  };
-  const std::uint64_t without = peak(47);  // a budget in which none are kept
-  CHECK(without > 300'000);
-  CHECK(peak(256) <= without + without / 4);
+  const Report four = transfer(job.options);
+  job.options.targets = {targets.front()};
+  job.options.resources.cache_dir = job.folder.file("other");
+  const Report one = transfer(job.options);
+  CHECK(one.target_covered > 50'000);
+  CHECK(one.temp_peak_bytes > one.target_store_bytes + 300'000);  // the results of a target
+  // Stores add up, results do not.
+  CHECK(four.temp_peak_bytes - one.temp_peak_bytes <=
+        four.target_store_bytes - one.target_store_bytes + 100'000);
   CHECK(job.packs().empty());
 }
 

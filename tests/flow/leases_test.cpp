@@ -104,11 +104,12 @@ TransferOptions sheet(const TempFolder& folder, int count, int sh_columns) {
   return options;
 }
 
-/// The first job sorts the scene; the second has it in the cache. `kept`: what the budget may keep
-/// of decoded blocks beside the leases of pieces that hold them, too.
+/// The first job sorts the scene; the second has it in the cache, but not its results. `kept`: what
+/// the budget may keep of decoded blocks beside the leases of pieces that hold them, too.
 void check_leases(TransferOptions options, std::uint64_t memory, std::uint64_t kept) {
   options.resources.memory_bytes = memory;
   for (const char* job : {"sorts", "projects"}) {
+    std::filesystem::remove_all(options.resources.cache_dir + "/v3/results");
     const Bytes bytes = run(options);
     CAPTURE(job, look_name(options.splats.look), options.splats.rays, memory, bytes.leased / kMiB,
             bytes.used / kMiB);

@@ -71,11 +71,13 @@ std::uint64_t index_bytes(const KnownPage& page) {
   return store::ResultStoreWriter::index_bytes(grid_of(page));
 }
 
+/// Planning leaves 2 MiB beside what projecting needs at least: a small index has room in these.
 bool may_keep(const job::JobContext& job, const KnownPage& page) {
-  constexpr std::uint64_t kPerThread = 16ULL << 20;
+  constexpr std::uint64_t kPerThread = 16ULL << 20, kSmall = 512ULL << 10;
   const std::uint64_t index = (1 + kDirectories) * index_bytes(page);
+  const std::uint64_t per_thread = job.budget.limit() / (job.threads + 1);
   return job.keeps_stores && job.keeps_pages &&
-         job.budget.limit() / (job.threads + 1) >= kPerThread + index &&
+         (index <= kSmall || per_thread >= kPerThread + index) &&
          std::none_of(page.formats.begin(), page.formats.end(),
                       [](const auto& format) { return format.transform != nullptr; });
 }
