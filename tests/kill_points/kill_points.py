@@ -164,8 +164,9 @@ class Driver:
         now = self.tree(folder)
         wrong = sorted(path for path in right if path in now and now[path] != right[path])
         more, less = sorted(now.keys() - right.keys()), sorted(right.keys() - now.keys())
-        # Hits are stored by a run that searched for all of a page, labels of packs where they can be.
-        less = [path for path in less if not path.startswith("cache/v3/hits/") and not path.endswith(".label")]
+        # Hits and results are stored by a run that made all of a page, labels of packs where they can be.
+        less = [path for path in less
+                if not path.startswith(("cache/v3/hits/", "cache/v3/results/")) and not path.endswith(".label")]
         if wrong or more or less:
             return "; ".join("%s: %s" % (what, ", ".join(paths))
                              for what, paths in (("other bytes", wrong), ("left", more), ("missing", less)) if paths)

@@ -248,7 +248,7 @@ void HitKeeper::store(const PieceWork& work) {
     }
   });
   // What the cache has no room for would only take that of this job's own scratch.
-  if (writer_ != nullptr && !job_.stores->is_kept(writer_->pack())) writer_.reset();
+  if (writer_ == nullptr || !job_.stores->is_kept(writer_->pack())) give_up();
 }
 
 void HitKeeper::give_up() {
@@ -259,11 +259,12 @@ void HitKeeper::give_up() {
 void HitKeeper::publish() {
   if (writer_ != nullptr) {
     while_stored([&] {
-      const auto pack = job_.stores->publish(writer_->finish(job_.compressor()));
-      job_.count_store(*pack, false);
+      auto pack = std::exchange(writer_, nullptr)->finish(job_.compressor());
+      if (job_.stores->is_kept(*pack))
+        job_.count_store(*job_.stores->publish(std::move(pack)), false);
     });
   }
-  if (writer_ == nullptr && !refusal_.empty()) {
+  if (!refusal_.empty()) {
     job_.warn(
         fmt::format("hits could not be stored, so the next job will search again: {}", refusal_));
   }

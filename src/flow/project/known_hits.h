@@ -5,6 +5,7 @@
 // channel, a repainted texture or another filter is shaded without a search.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <string>
 
@@ -38,7 +39,7 @@ class HitKeeper {
   void store(const PieceWork& work);
   void publish();  ///< after the last one
   void give_up();  ///< before the first one, since they will not be all there are
-  bool is_wanted() const { return is_wanted_; }
+  bool is_wanted() const { return is_wanted_; }  ///< thread-safe
 
   /// Memory while a block is encoded, and of an encoded block until it is stored.
   static std::uint64_t scratch_bytes();
@@ -53,7 +54,7 @@ class HitKeeper {
 
   runtime::Lease index_lease_;
   std::unique_ptr<store::HitStoreWriter> writer_;  ///< null: refused
-  bool is_wanted_ = true;
+  std::atomic<bool> is_wanted_ = true;
   std::string refusal_;
 };
 

@@ -50,7 +50,7 @@ class ScratchStore final : public StoreFolder {
     return reader;
   }
 
-  bool is_kept(const PackWriter&) const override { return false; }
+  bool is_kept(const PackWriter&) override { return false; }
   bool discard(PackKind kind, const Hash128& key) override {
     const std::lock_guard lock(mutex_);
     packs_.erase(name_of(kind, key));

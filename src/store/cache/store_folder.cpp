@@ -184,7 +184,11 @@ class CacheFolder final : public StoreFolder {
     if (auto pack = unkept_->find(kind, key, warning)) return pack;
     std::string damage;
     if (is_left_out(kind, key)) return nullptr;
-    if (auto pack = open_sound(layout_, kind, key, &damage)) return pack;
+    if (auto pack = open_sound(layout_, kind, key, &damage)) {
+      const std::lock_guard lock(mutex_);
+      from_second_.erase(name_of(kind, key));
+      return pack;
+    }
     if (auto pack = find_second(kind, key)) return pack;
     bool removed = false;
     if (!read_only_ && adds(kind)) {
@@ -260,9 +264,11 @@ class CacheFolder final : public StoreFolder {
     return std::make_unique<PackReader>(std::move(file), path, kind, key);
   }
 
-  bool is_kept(const PackWriter& writer) const override {
+  bool is_kept(const PackWriter& writer) override {
     const auto* part = dynamic_cast<const CachePart*>(&writer.file());
-    return part != nullptr && !part->in_scratch();
+    if (part == nullptr) return false;
+    if (part->in_scratch()) note_unkept(writer.size_bytes());
+    return !part->in_scratch();
   }
 
   bool discard(PackKind kind, const Hash128& key) override {

@@ -62,9 +62,9 @@ class StoreFolder {
   /// Publishes a finished pack and opens it for reading. One that somebody else published meanwhile
   /// stays.
   virtual std::unique_ptr<PackReader> publish(std::unique_ptr<PackWriter> writer) = 0;
-  /// Will publish() leave what is written for other jobs? Not where nothing may be written, or
-  /// where the limit has refused it.
-  virtual bool is_kept(const PackWriter& writer) const = 0;
+  /// Will publish() leave what is written for other jobs? Not where nothing may be written, nor
+  /// where the limit has refused it: then a note says so.
+  virtual bool is_kept(const PackWriter& writer) = 0;
   /// Removes a pack that turned out to be damaged. Who reads it goes on reading. False: it is not
   /// ours to remove; then this store behaves as if it were not there.
   virtual bool discard(PackKind kind, const Hash128& key) = 0;
