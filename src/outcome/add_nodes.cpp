@@ -6,6 +6,7 @@
 namespace pounce::outcome {
 
 void add_nodes(const std::vector<NodeReport>& page, std::vector<NodeReport>& all) {
+  if (page.empty()) return;  // its results were known
   // Matched by their position.
   if (all.empty()) return void(all = page);
   for (std::size_t n = 0; n < all.size(); ++n) {

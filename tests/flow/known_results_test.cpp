@@ -187,6 +187,34 @@ TEST_CASE("what changes results is projected again", "[flow]") {
   CHECK(job.packs().size() == 2);
 }
 
+TEST_CASE("targets that are known stand beside others", "[flow]") {
+  const bool first_is_known = GENERATE(true, false);
+  Job job(11);
+  TransferOptions& options = job.options;
+  const std::vector<std::string> targets{job.folder.file("a.glb"), job.folder.file("b.glb"),
+                                         job.folder.file("c.glb")};
+  for (int i = 0; i < 3; ++i) write_glb(targets[static_cast<std::size_t>(i)], wavy_sheet(6 + i, 3));
+  options.targets = targets;
+  job.strew(11, 0.9);
+  options.output = job.folder.file("<TARGET>.png");
+  options.resources.use_cache = false;
+  const auto made = [&] {
+    std::vector<Bytes> images;
+    for (const std::string& path : transfer(options).outputs)
+      images.push_back(read_whole(posix_file_system(), path));
+    return images;
+  };
+  const std::vector<Bytes> expected = made();
+  options.resources.use_cache = true;
+  options.resources.cache_dir = job.cache;
+  options.targets = {first_is_known ? targets[0] : targets[1]};
+  CHECK(made().size() == 1);
+  options.targets = targets;
+  CHECK((made() == expected));
+  CHECK(job.packs().size() == 3);
+  CHECK((made() == expected));
+}
+
 TEST_CASE("texels on rays are known, too", "[flow]") {
   const TempFolder folder;
   TransferOptions options = make_random_scene(folder.path().string(), 6);

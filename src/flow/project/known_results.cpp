@@ -72,7 +72,7 @@ std::uint64_t index_bytes(const KnownPage& page) {
 }
 
 /// Planning leaves 2 MiB beside what projecting needs at least: a small index has room in these.
-/// Any other has where the budget is far above that, which is 45 MiB at most.
+/// Any other has where the budget is far above what that is.
 bool may_keep(const job::JobContext& job, const KnownPage& page) {
   constexpr std::uint64_t kPerThread = 64ULL << 20, kSmall = 512ULL << 10;
   const std::uint64_t index = (1 + kDirectories) * index_bytes(page);
