@@ -38,7 +38,7 @@ class HitKeeper {
   /// Stores what encode() made. Not thread-safe.
   void store(const PieceWork& work);
   void publish();  ///< after the last one
-  void give_up();  ///< before the first one, since they will not be all there are
+  void give_up();  ///< they will not be all there are, or nobody would find them
   bool is_wanted() const { return is_wanted_; }  ///< thread-safe
 
   /// Memory while a block is encoded, and of an encoded block until it is stored.
