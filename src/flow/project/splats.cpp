@@ -325,8 +325,8 @@ std::unique_ptr<Projection> project_splats(job::JobContext& job, const SplatProj
     return std::make_unique<PageProjector<SplatMethod>>(job, *request.target,
                                                         SplatMethod(job, kept));
   };
-  // What views show depends on all of a target's mesh. They are kept themselves, and what is left
-  // is half as quick as it is to blend along normals.
+  // What views show depends on all of a target's mesh, not on the page's store alone. They are kept
+  // themselves (docs/decisions/078-results.md).
   if (request.views != nullptr) return project(nullptr);
   KnownPage page{key_of(request), request.target, {}};
   for (const SplatOutput& output : request.outputs) page.formats.push_back(output.format);
