@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Bounds here are on sums and on CPU time, which a busy machine does not change; never on how fast
-// it is.
+// Bounds here are on sums and on CPU time that the test has read itself, around and within what a
+// timer measures: never on how fast a machine is, nor on a loop ending when it should. A virtual
+// machine's clock of CPU time goes in steps of milliseconds where its host runs something else.
 #include "core/timer.h"
 
 #include <atomic>
@@ -14,11 +15,12 @@
 namespace pounce {
 namespace {
 
-/// Works until this thread has used that much CPU time.
-void burn(double seconds) {
-  const double end = thread_cpu_seconds() + seconds;
-  while (thread_cpu_seconds() < end) {
-  }
+/// Works until this thread has used that much CPU time. Returns what it has used: at least that.
+double burn(double seconds) {
+  const double start = thread_cpu_seconds();
+  double used = 0;
+  while (used < seconds) used = thread_cpu_seconds() - start;
+  return used;
 }
 
 void sleep_s(double seconds) {
@@ -33,13 +35,15 @@ std::map<std::string, StageTime> by_name(const StageClock& clock) {
 
 TEST_CASE("sleeping costs wall time and no CPU time", "[core]") {
   StageClock clock;
+  const double before = process_cpu_seconds();
   {
     const StageTimer timer(clock, "sleep");
     sleep_s(0.05);
   }
+  const double used = process_cpu_seconds() - before;
   const StageTime time = clock.times().at(0);
   CHECK(time.wall_s >= 0.05);
-  CHECK(time.cpu_s < 0.03);
+  CHECK(time.cpu_s <= used);
 }
 
 TEST_CASE("a stage counts the CPU time of all threads", "[core]") {
@@ -56,14 +60,21 @@ TEST_CASE("a stage counts the CPU time of all threads", "[core]") {
 TEST_CASE("CPU time is attributed once, to the innermost stage", "[core]") {
   StageClock clock;
   const double before = process_cpu_seconds();
+  double within = 0;  // CPU seconds of the process while "whole" runs
+  double of_thread = 0, burnt_as_project = 0, burnt_as_decode = 0;
   {
     const StageTimer whole(clock, "whole");
+    const double start = process_cpu_seconds();
     burn(0.02);
     std::thread other([&] {
-      const WorkTimer project(clock, "project");
-      burn(0.02);
-      const WorkTimer decode(clock, "decode");
-      burn(0.03);
+      const double thread_start = thread_cpu_seconds();
+      {
+        const WorkTimer project(clock, "project");
+        burnt_as_project = burn(0.02);
+        const WorkTimer decode(clock, "decode");
+        burnt_as_decode = burn(0.03);
+      }
+      of_thread = thread_cpu_seconds() - thread_start;
     });
     {
       const StageTimer part(clock, "part");
@@ -71,16 +82,18 @@ TEST_CASE("CPU time is attributed once, to the innermost stage", "[core]") {
       other.join();
     }
     clock.add_cpu("told", 0);
+    within = process_cpu_seconds() - start;
   }
   const double used = process_cpu_seconds() - before;
   const auto times = by_name(clock);
-  CHECK(times.at("project").cpu_s >= 0.019);
-  CHECK(times.at("project").cpu_s < 0.03);
-  CHECK(times.at("decode").cpu_s >= 0.029);
+  CHECK(times.at("project").cpu_s >= burnt_as_project);
+  CHECK(times.at("project").cpu_s <= of_thread - burnt_as_decode);
+  CHECK(times.at("decode").cpu_s >= burnt_as_decode);
   double sum = 0;
   for (const auto& [name, time] : times) sum += time.cpu_s;
+  // Clocks of threads and of the process are read at different moments.
   CHECK(sum <= used + 1e-3);
-  CHECK(sum >= 0.9 * used);
+  CHECK(sum >= within - 1e-3);
 }
 
 TEST_CASE("wall time is counted while at least one timer of a stage runs", "[core]") {
