@@ -25,6 +25,7 @@ namespace pounce::runtime {
 ///   uint64_t index_place(part) const, uint64_t place(entry) const         (offsets: multiples of
 ///   8)
 ///   bool kReadsAlone                   reading a block waits for no other thread
+///   Reuse kReuse                       who asks for a block again
 ///
 /// Where reading waits for nobody, threads that ask for one block at once wait for the first of
 /// them; else each of them decodes it.
@@ -92,7 +93,7 @@ class BlockCache {
 
   BlockPtr read(const Entry& entry) const {
     auto made = std::make_shared<const Block>(reader_.read_block(entry));
-    budget_.keep({id(), reader_.place(entry)}, made, reader_.block_bytes(entry));
+    budget_.keep({id(), reader_.place(entry)}, made, reader_.block_bytes(entry), Reader::kReuse);
     return made;
   }
   void end(std::uint64_t place) const {

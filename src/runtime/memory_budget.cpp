@@ -18,16 +18,47 @@
 
 namespace pounce::runtime {
 
-void MemoryBudget::make_room(std::uint64_t bytes) {
+namespace {
+
+/// A bit per thing that was passed: 128 KiB. Where two share one, a little more is kept.
+constexpr std::size_t kPassedBits = 1 << 20;
+
+std::size_t passed_bit(std::size_t hash) {
+  return static_cast<std::size_t>(std::uint64_t{hash} * 0x9E3779B97F4A7C15ULL >> 44);
+}
+
+}  // namespace
+
+void MemoryBudget::drop_last(Recent& recent) {
   // A block that some piece of work reads right now lives on under that work's lease.
-  while (leased_ + cached_ + bytes > limit_ && !recent_.empty()) {
-    const Kept& last = recent_.back();
-    cached_ -= last.bytes;
-    kept_.erase(last.key);
-    const auto own = items_.find(last.key.store);
-    own->second.erase(last.key.item);
-    if (own->second.empty()) items_.erase(own);
-    recent_.pop_back();
+  const Kept& last = recent.back();
+  cached_ -= last.bytes;
+  if (last.reuse == Reuse::near) near_ -= last.bytes;
+  kept_.erase(last.key);
+  const auto own = items_.find(last.key.store);
+  own->second.erase(last.key.item);
+  if (own->second.empty()) items_.erase(own);
+  recent.pop_back();
+}
+
+void MemoryBudget::make_room(std::uint64_t bytes) {
+  Recent &near = recent(Reuse::near), &others = recent(Reuse::anywhere);
+  while (leased_ + cached_ + bytes > limit_ && cached_ > 0) {
+    const bool near_goes =
+        others.empty() || (!near.empty() && near.back().used_at < others.back().used_at);
+    drop_last(near_goes ? near : others);
+  }
+}
+
+// What is made again although it had been kept once would have been worth its memory: from then on
+// so much more is kept. A source that every page and target goes through is decoded twice at most.
+void MemoryBudget::make_room_near(const CacheKey& key, std::uint64_t bytes) {
+  if (!passed_.empty() && passed_[passed_bit(KeyHash{}(key))]) near_most_ += bytes;
+  Recent& near = recent(Reuse::near);
+  while (near_ + bytes > near_most_ && !near.empty()) {
+    passed_.resize(kPassedBits);
+    passed_[passed_bit(KeyHash{}(near.back().key))] = true;
+    drop_last(near);
   }
 }
 
@@ -49,18 +80,26 @@ std::shared_ptr<const void> MemoryBudget::find(const CacheKey& key) {
   const std::lock_guard lock(mutex_);
   const auto found = kept_.find(key);
   if (found == kept_.end()) return nullptr;
-  recent_.splice(recent_.begin(), recent_, found->second);
-  return found->second->thing;
+  Kept& kept = *found->second;
+  kept.used_at = ++uses_;
+  Recent& list = recent(kept.reuse);
+  list.splice(list.begin(), list, found->second);
+  return kept.thing;
 }
 
-void MemoryBudget::keep(const CacheKey& key, std::shared_ptr<const void> thing,
-                        std::uint64_t bytes) {
+void MemoryBudget::keep(const CacheKey& key, std::shared_ptr<const void> thing, std::uint64_t bytes,
+                        Reuse reuse) {
   const std::lock_guard lock(mutex_);
   // Another thread may have decoded the same block meanwhile: the first one stays.
   if (bytes > limit_ || leased_ > limit_ - bytes || kept_.count(key) != 0) return;
+  if (reuse == Reuse::near) {
+    make_room_near(key, bytes);
+    near_ += bytes;
+  }
   make_room(bytes);
-  recent_.push_front({key, std::move(thing), bytes});
-  kept_[key] = recent_.begin();
+  Recent& list = recent(reuse);
+  list.push_front({key, std::move(thing), bytes, reuse, ++uses_});
+  kept_[key] = list.begin();
   items_[key.store].insert(key.item);
   cached_ += bytes;
   peak_ = std::max(peak_, leased_ + cached_);
@@ -73,8 +112,10 @@ void MemoryBudget::forget(std::uint64_t store) {
   const ReleaseTogether together;
   for (const std::uint64_t item : own->second) {
     const auto found = kept_.find({store, item});
-    cached_ -= found->second->bytes;
-    recent_.erase(found->second);
+    const Kept& kept = *found->second;
+    cached_ -= kept.bytes;
+    if (kept.reuse == Reuse::near) near_ -= kept.bytes;
+    recent(kept.reuse).erase(found->second);
     kept_.erase(found);
   }
   items_.erase(own);
@@ -83,10 +124,10 @@ void MemoryBudget::forget(std::uint64_t store) {
 void MemoryBudget::forget_all() {
   const std::lock_guard lock(mutex_);
   const ReleaseTogether together;
-  cached_ = 0;
+  cached_ = near_ = 0;
   items_.clear();
   kept_.clear();
-  recent_.clear();
+  for (Recent& list : recent_) list.clear();
 }
 
 std::uint64_t MemoryBudget::leased() const {

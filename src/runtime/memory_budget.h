@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <list>
@@ -10,6 +11,7 @@
 #include <string>
 #include <unordered_map>
 #include <unordered_set>
+#include <vector>
 
 #include "pounce/error.h"
 
@@ -22,8 +24,16 @@ struct CacheKey {
   bool operator==(const CacheKey&) const = default;
 };
 
+/// Who asks again for a thing that was decoded.
+enum class Reuse {
+  near,      ///< pieces of work close by: what they have passed is seldom asked for again
+  anywhere,  ///< any piece
+};
+
 /// The bytes of one job. Leases are for what a piece of work needs while it lives; what they leave
 /// over keeps decoded blocks, least recently used ones going first when a lease asks for room.
+/// Of those that only pieces close by ask for (Reuse::near) it keeps no more than turns out to be
+/// asked for again: memory that is touched for the first time costs more than what it would save.
 /// leased + cached never exceeds the limit. Thread-safe.
 class MemoryBudget {
  public:
@@ -36,7 +46,8 @@ class MemoryBudget {
   /// A decoded thing that is still there, or nothing.
   std::shared_ptr<const void> find(const CacheKey& key);
   /// Keeps it if there is room; the caller's own reference is under the caller's lease.
-  void keep(const CacheKey& key, std::shared_ptr<const void> thing, std::uint64_t bytes);
+  void keep(const CacheKey& key, std::shared_ptr<const void> thing, std::uint64_t bytes,
+            Reuse reuse = Reuse::anywhere);
   /// Forgets everything of one store (before it is closed).
   void forget(std::uint64_t store);
   /// The same of all stores, which is much faster than one by one: their blocks lie in between each
@@ -49,24 +60,37 @@ class MemoryBudget {
   std::uint64_t leased() const;
   std::uint64_t leased_peak() const;  ///< largest leased + cached so far
 
+  /// Of Reuse::near so much is kept before any of it was asked for again.
+  static constexpr std::uint64_t kNearBytes = 16ULL << 20;
+
  private:
   struct Kept {
     CacheKey key;
     std::shared_ptr<const void> thing;
     std::uint64_t bytes;
+    Reuse reuse;
+    std::uint64_t used_at;  ///< on the clock of uses_
   };
+  using Recent = std::list<Kept>;  ///< most recently used first
   struct KeyHash {
     std::size_t operator()(const CacheKey& k) const {
       return k.store * 0x9E3779B97F4A7C15ULL ^ k.item;
     }
   };
-  void make_room(std::uint64_t bytes);  ///< with mutex_ held
+  // All with mutex_ held.
+  Recent& recent(Reuse reuse) { return recent_[static_cast<std::size_t>(reuse)]; }
+  void drop_last(Recent& recent);
+  void make_room(std::uint64_t bytes);
+  void make_room_near(const CacheKey& key, std::uint64_t bytes);
 
   std::uint64_t limit_;
   mutable std::mutex mutex_;  ///< guards everything below
   std::uint64_t leased_ = 0, cached_ = 0, peak_ = 0;
-  std::list<Kept> recent_;  ///< most recently used first
-  std::unordered_map<CacheKey, std::list<Kept>::iterator, KeyHash> kept_;
+  std::array<Recent, 2> recent_;  ///< by Reuse
+  std::uint64_t uses_ = 0;
+  std::uint64_t near_ = 0, near_most_ = kNearBytes;  ///< bytes of Reuse::near
+  std::vector<bool> passed_;  ///< by hash of the key: was it dropped although there was room?
+  std::unordered_map<CacheKey, Recent::iterator, KeyHash> kept_;
   /// Of kept_, by store: a job of many images closes thousands of stores.
   std::unordered_map<std::uint64_t, std::unordered_set<std::uint64_t>> items_;
 };

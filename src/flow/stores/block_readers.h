@@ -68,6 +68,7 @@ struct TileReader {
 
 /// Facets and patches of a mesh.
 struct SurfaceReader : TileReader<store::GeometryStore, store::BlockEntry, surface::SourceBlock> {
+  static constexpr runtime::Reuse kReuse = runtime::Reuse::near;
   bool with_attributes = false;
 
   Block read_block(const Entry& entry) const {
@@ -82,6 +83,7 @@ using SurfaceCache = runtime::BlockCache<SurfaceReader>;
 
 /// Gaussians, of a splat scene or of a mesh's texels.
 struct SplatReader : TileReader<store::SplatStore, store::SplatEntry, gaussian::SplatSet> {
+  static constexpr runtime::Reuse kReuse = runtime::Reuse::anywhere;
   SphericalHarmonics harmonics = SphericalHarmonics::mean;
 
   Block read_block(const Entry& entry) const {
@@ -95,6 +97,8 @@ using SplatCache = runtime::BlockCache<SplatReader>;
 
 /// The same as views draw them.
 struct DrawnReader : TileReader<store::SplatStore, store::SplatEntry, gaussian::SplatColumns> {
+  static constexpr runtime::Reuse kReuse = runtime::Reuse::anywhere;
+
   Block read_block(const Entry& entry) const {
     return gaussian::make_splat_columns(store->read_block(entry, job->compressor()));
   }
@@ -116,6 +120,7 @@ struct ColourReader {
   using Entry = store::ChunkRef;
   using Block = store::ColourTile;
   static constexpr bool kReadsAlone = false;  // a whole image may have to be built
+  static constexpr runtime::Reuse kReuse = runtime::Reuse::near;
 
   job::JobContext* job;
   std::unique_ptr<store::ColourStore> store;

@@ -95,6 +95,78 @@ TEST_CASE("what does not fit beside the leases is not kept, what is kept is kept
   CHECK(first.use_count() == 1);
 }
 
+constexpr std::uint64_t kMiB = 1ULL << 20;
+
+/// Asks for `count` things of 1 MiB in turn, makes those that are gone, and says how many.
+std::uint64_t go_through(runtime::MemoryBudget& budget, std::uint64_t count) {
+  std::uint64_t made = 0;
+  for (std::uint64_t item = 0; item < count; ++item) {
+    if (budget.find({1, item}) != nullptr) continue;
+    budget.keep({1, item}, thing(), kMiB, runtime::Reuse::near);
+    ++made;
+  }
+  return made;
+}
+
+TEST_CASE("what only neighbours ask for is kept for a while, however much room there is") {
+  static_assert(runtime::MemoryBudget::kNearBytes == 16 * kMiB);
+  runtime::MemoryBudget budget(1000 * kMiB);
+  budget.keep({2, 0}, thing(), 50 * kMiB);
+  CHECK(go_through(budget, 16) == 16);
+  CHECK(budget.find({1, 0}) != nullptr);  // now the most recent
+  budget.keep({1, 16}, thing(), kMiB, runtime::Reuse::near);
+  CHECK(budget.find({1, 1}) == nullptr);
+  CHECK(budget.find({1, 0}) != nullptr);
+  CHECK(budget.find({1, 16}) != nullptr);
+  CHECK(budget.find({2, 0}) != nullptr);
+  CHECK(budget.leased_peak() == 66 * kMiB);
+}
+
+TEST_CASE("what is asked for again and again is made twice at most") {
+  runtime::MemoryBudget budget(100 * kMiB);
+  CHECK(go_through(budget, 40) == 40);
+  CHECK(go_through(budget, 40) == 24);  // for each of these one more is kept from now on
+  CHECK(go_through(budget, 40) == 0);
+  CHECK(budget.leased_peak() == 40 * kMiB);
+}
+
+TEST_CASE("one thing larger than what is kept near is kept alone") {
+  runtime::MemoryBudget budget(100 * kMiB);
+  go_through(budget, 2);
+  budget.keep({2, 0}, thing(), 20 * kMiB, runtime::Reuse::near);
+  CHECK(budget.find({2, 0}) != nullptr);
+  CHECK(budget.find({1, 1}) == nullptr);
+}
+
+TEST_CASE("a lease takes the room of what was used longest ago, of either kind") {
+  runtime::MemoryBudget budget(100);
+  budget.keep({1, 0}, thing(), 25, runtime::Reuse::near);
+  budget.keep({1, 1}, thing(), 25);
+  budget.keep({1, 2}, thing(), 25, runtime::Reuse::near);
+  budget.keep({1, 3}, thing(), 25);
+  CHECK(budget.find({1, 0}) != nullptr);
+  CHECK(budget.try_lease(25));
+  CHECK(budget.find({1, 1}) == nullptr);
+  CHECK(budget.try_lease(25));
+  CHECK(budget.find({1, 2}) == nullptr);
+  CHECK(budget.try_lease(25));
+  CHECK(budget.find({1, 3}) == nullptr);
+  CHECK(budget.try_lease(25));
+  CHECK(budget.find({1, 0}) == nullptr);
+}
+
+TEST_CASE("bytes of a store that was forgotten are near no more") {
+  runtime::MemoryBudget budget(100 * kMiB);
+  go_through(budget, 16);
+  budget.forget(1);
+  for (std::uint64_t item = 0; item < 16; ++item)
+    budget.keep({2, item}, thing(), kMiB, runtime::Reuse::near);
+  CHECK(budget.find({2, 0}) != nullptr);
+  budget.forget_all();
+  CHECK(go_through(budget, 16) == 16);
+  CHECK(budget.find({1, 0}) != nullptr);
+}
+
 TEST_CASE("forgetting a store leaves the others alone and frees its bytes") {
   runtime::MemoryBudget budget(100);
   std::weak_ptr<const void> gone;
