@@ -25,7 +25,7 @@ namespace pounce::runtime {
 ///   uint64_t index_place(part) const, uint64_t place(entry) const         (offsets: multiples of
 ///   8)
 ///   bool kReadsAlone                   reading a block waits for no other thread
-///   Reuse kReuse                       who asks for a block again
+///   Reuse reuse                        who asks for a block again
 ///
 /// Where reading waits for nobody, threads that ask for one block at once wait for the first of
 /// them; else each of them decodes it.
@@ -38,7 +38,7 @@ class BlockCache {
   using BlockPtr = std::shared_ptr<const Block>;
 
   BlockCache(MemoryBudget& budget, Reader reader) : budget_(budget), reader_(std::move(reader)) {}
-  ~BlockCache() { budget_.forget(id()); }
+  ~BlockCache() { budget_.forget(id_); }
   BlockCache(const BlockCache&) = delete;
   BlockCache& operator=(const BlockCache&) = delete;
 
@@ -48,7 +48,7 @@ class BlockCache {
 
   std::shared_ptr<const Index> index(std::uint32_t part) const {
     // A low bit of the offset tells parts of the index from blocks.
-    const CacheKey key{id(), reader_.index_place(part) | 1};
+    const CacheKey key{id_, reader_.index_place(part) | 1};
     if (auto kept = budget_.find(key)) return std::static_pointer_cast<const Index>(kept);
     auto made = std::make_shared<const Index>(reader_.read_index(part));
     ++indices_read_;
@@ -85,15 +85,13 @@ class BlockCache {
   }
   /// The same where it need not be decoded; else null.
   BlockPtr kept_block(const Entry& entry) const {
-    return std::static_pointer_cast<const Block>(budget_.find({id(), reader_.place(entry)}));
+    return std::static_pointer_cast<const Block>(budget_.find({id_, reader_.place(entry)}));
   }
 
  private:
-  std::uint64_t id() const { return reinterpret_cast<std::uintptr_t>(this); }
-
   BlockPtr read(const Entry& entry) const {
     auto made = std::make_shared<const Block>(reader_.read_block(entry));
-    budget_.keep({id(), reader_.place(entry)}, made, reader_.block_bytes(entry), Reader::kReuse);
+    budget_.keep({id_, reader_.place(entry)}, made, reader_.block_bytes(entry), reader_.reuse);
     return made;
   }
   void end(std::uint64_t place) const {
@@ -103,6 +101,7 @@ class BlockCache {
 
   MemoryBudget& budget_;
   const Reader reader_;
+  const std::uint64_t id_ = budget_.new_store();
   mutable std::mutex mutex_;  ///< guards what follows
   mutable std::unordered_map<std::uint64_t, std::shared_future<BlockPtr>> under_way_;
   mutable std::atomic<std::uint64_t> indices_read_{0};

@@ -51,9 +51,11 @@ void MemoryBudget::make_room(std::uint64_t bytes) {
 }
 
 // What is made again although it had been kept once would have been worth its memory: from then on
-// so much more is kept. A source that every page and target goes through is decoded twice at most.
+// so much more is kept. Where there is room for it, a source that every page and target goes
+// through is decoded twice at most.
 void MemoryBudget::make_room_near(const CacheKey& key, std::uint64_t bytes) {
-  if (!passed_.empty() && passed_[passed_bit(KeyHash{}(key))]) near_most_ += bytes;
+  if (!passed_.empty() && passed_[passed_bit(KeyHash{}(key))])
+    near_most_ = std::min(near_most_ + bytes, limit_);
   Recent& near = recent(Reuse::near);
   while (near_ + bytes > near_most_ && !near.empty()) {
     passed_.resize(kPassedBits);
@@ -74,6 +76,11 @@ bool MemoryBudget::try_lease(std::uint64_t bytes) {
 void MemoryBudget::release(std::uint64_t bytes) {
   const std::lock_guard lock(mutex_);
   leased_ -= bytes;
+}
+
+std::uint64_t MemoryBudget::new_store() {
+  const std::lock_guard lock(mutex_);
+  return ++stores_;
 }
 
 std::shared_ptr<const void> MemoryBudget::find(const CacheKey& key) {

@@ -43,6 +43,9 @@ class MemoryBudget {
   bool try_lease(std::uint64_t bytes);
   void release(std::uint64_t bytes);
 
+  /// A number for the keys of a store that none had before: what is known of a store that was
+  /// closed must not be taken for another's.
+  std::uint64_t new_store();
   /// A decoded thing that is still there, or nothing.
   std::shared_ptr<const void> find(const CacheKey& key);
   /// Keeps it if there is room; the caller's own reference is under the caller's lease.
@@ -87,7 +90,7 @@ class MemoryBudget {
   mutable std::mutex mutex_;  ///< guards everything below
   std::uint64_t leased_ = 0, cached_ = 0, peak_ = 0;
   std::array<Recent, 2> recent_;  ///< by Reuse
-  std::uint64_t uses_ = 0;
+  std::uint64_t uses_ = 0, stores_ = 0;
   std::uint64_t near_ = 0, near_most_ = kNearBytes;  ///< bytes of Reuse::near
   std::vector<bool> passed_;  ///< by hash of the key: was it dropped although there was room?
   std::unordered_map<CacheKey, Recent::iterator, KeyHash> kept_;

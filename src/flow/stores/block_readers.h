@@ -68,7 +68,7 @@ struct TileReader {
 
 /// Facets and patches of a mesh.
 struct SurfaceReader : TileReader<store::GeometryStore, store::BlockEntry, surface::SourceBlock> {
-  static constexpr runtime::Reuse kReuse = runtime::Reuse::near;
+  static constexpr runtime::Reuse reuse = runtime::Reuse::near;
   bool with_attributes = false;
 
   Block read_block(const Entry& entry) const {
@@ -83,7 +83,7 @@ using SurfaceCache = runtime::BlockCache<SurfaceReader>;
 
 /// Gaussians, of a splat scene or of a mesh's texels.
 struct SplatReader : TileReader<store::SplatStore, store::SplatEntry, gaussian::SplatSet> {
-  static constexpr runtime::Reuse kReuse = runtime::Reuse::anywhere;
+  static constexpr runtime::Reuse reuse = runtime::Reuse::anywhere;
   SphericalHarmonics harmonics = SphericalHarmonics::mean;
 
   Block read_block(const Entry& entry) const {
@@ -97,7 +97,7 @@ using SplatCache = runtime::BlockCache<SplatReader>;
 
 /// The same as views draw them.
 struct DrawnReader : TileReader<store::SplatStore, store::SplatEntry, gaussian::SplatColumns> {
-  static constexpr runtime::Reuse kReuse = runtime::Reuse::anywhere;
+  static constexpr runtime::Reuse reuse = runtime::Reuse::anywhere;
 
   Block read_block(const Entry& entry) const {
     return gaussian::make_splat_columns(store->read_block(entry, job->compressor()));
@@ -120,11 +120,11 @@ struct ColourReader {
   using Entry = store::ChunkRef;
   using Block = store::ColourTile;
   static constexpr bool kReadsAlone = false;  // a whole image may have to be built
-  static constexpr runtime::Reuse kReuse = runtime::Reuse::near;
 
   job::JobContext* job;
   std::unique_ptr<store::ColourStore> store;
   std::shared_ptr<WholeColumn> whole;  ///< null where the store has every tile
+  runtime::Reuse reuse = runtime::Reuse::near;
 
   Index read_index(std::uint32_t row) const {
     Index index = store->read_row(row, job->compressor());

@@ -50,7 +50,9 @@ void encode(job::JobContext& job, const store::ColourDirectory& image,
 
 std::unique_ptr<ColourCache> opened(job::JobContext& job,
                                     std::unique_ptr<store::ColourStore> store) {
-  return std::make_unique<ColourCache>(job.budget, ColourReader{&job, std::move(store), nullptr});
+  // Texels that lie together are seen from everywhere: a piece looks into tiles of all views.
+  return std::make_unique<ColourCache>(
+      job.budget, ColourReader{&job, std::move(store), nullptr, runtime::Reuse::anywhere});
 }
 
 using SplatIndexPart = std::shared_ptr<const DrawnCache::Index>;

@@ -20,7 +20,7 @@ struct Slow {
   using Entry = std::uint64_t;
   using Block = std::uint64_t;
   static constexpr bool kReadsAlone = true;
-  static constexpr runtime::Reuse kReuse = runtime::Reuse::anywhere;
+  static constexpr runtime::Reuse reuse = runtime::Reuse::anywhere;
 
   struct Progress {
     std::atomic<int> read{0};

@@ -130,6 +130,18 @@ TEST_CASE("what is asked for again and again is made twice at most") {
   CHECK(budget.leased_peak() == 40 * kMiB);
 }
 
+TEST_CASE("what was passed of a store that is closed is not taken for the next one's") {
+  runtime::MemoryBudget budget(100 * kMiB);
+  for (int round = 0; round < 3; ++round) {
+    const std::uint64_t store = budget.new_store();
+    for (std::uint64_t item = 0; item < 20; ++item)
+      budget.keep({store, item}, thing(), kMiB, runtime::Reuse::near);
+    CHECK(budget.find({store, 3}) == nullptr);
+    CHECK(budget.find({store, 4}) != nullptr);
+    budget.forget(store);
+  }
+}
+
 TEST_CASE("one thing larger than what is kept near is kept alone") {
   runtime::MemoryBudget budget(100 * kMiB);
   go_through(budget, 2);
