@@ -20,7 +20,7 @@ class SearchInput {
       blocks_.push_back(surface::make_source_block(block, job.source_lattice()));
     std::vector<const surface::SourceBlock*> pointers;
     for (const surface::SourceBlock& block : blocks_) pointers.push_back(&block);
-    grid_ = std::make_unique<grid::PatchGrid>(
+    patches_ = std::make_unique<grid::BatchPatches>(
         pointers, job.source_store->directory().box.grown(job.target_plan.max_distance));
     for (std::size_t b = 0; b < job.target_blocks.size(); ++b) {
       if (b % kBlocksPerPiece == 0) pieces_.emplace_back();
@@ -46,7 +46,7 @@ class SearchInput {
       projection::start(work);
       for (const float height : heights_) {
         if (work.open.empty()) break;
-        projection::search_batch(*grid_, height, limits_, kernels, work);
+        projection::search_batch(*patches_, height, limits_, kernels, work);
         projection::close_groups(height, kernels, work);
       }
       state.PauseTiming();
@@ -65,7 +65,7 @@ class SearchInput {
 
  private:
   std::vector<surface::SourceBlock> blocks_;
-  std::unique_ptr<grid::PatchGrid> grid_;
+  std::unique_ptr<grid::BatchPatches> patches_;
   std::vector<projection::SearchState> pieces_;
   projection::SearchLimits limits_;
   std::vector<float> heights_;

@@ -125,7 +125,6 @@ struct TangentPlan {
 /// search serves them all, on the lattice of the largest image of each source page.
 struct PassPlan {
   surface::GeometryRequest source;
-  surface::SourceShape shape;         ///< of that
   ImageSize size;                     ///< of the outputs
   std::vector<std::size_t> channels;  ///< into SourcePlan::channels
   bool has_shape = false;             ///< is one of them of the surface itself, or tinted?

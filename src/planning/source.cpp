@@ -86,7 +86,6 @@ class SourcePlanner {
       pass.keeps_hits = !pass.source.exact;
       pass.keeps_results = planning_.as_gaussians;
       pass.source.colours = needs_colours(pass);
-      pass.shape = surface::source_shape(pass.source);
     }
     plan_tangents();
     warn_of_directions();
@@ -190,7 +189,7 @@ class SourcePlanner {
       same->has_shape = same->has_shape || needs_surface;
       same->source = united(same->source, source);
     } else {
-      plan_.passes.push_back({std::move(source), {}, plan.size, {c}, needs_surface});
+      plan_.passes.push_back({std::move(source), plan.size, {c}, needs_surface});
     }
     plan_.channels.push_back(std::move(plan));
   }

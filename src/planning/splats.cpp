@@ -100,7 +100,7 @@ void add_channel(const TransferOptions& options, const SceneFacts& scene, Channe
     // One blend gives colour, confidence and distance at once.
     if (pass.size == added.size) return pass.channels.push_back(c);
   }
-  plan.passes.push_back({{}, {}, added.size, {c}, false});
+  plan.passes.push_back({{}, added.size, {c}, false});
   plan.passes.back().keeps_results = options.splats.look != Look::around;
 }
 

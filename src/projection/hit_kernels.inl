@@ -149,22 +149,38 @@ void hit(const surface::Facet& f, const TexelPacket& packet, const SearchLimits&
   if (any(better)) keep(f, packet, rising, in, better, key, best);
 }
 
-/// RayBundle::may_meet for sixteen spheres.
-void search(const Candidates& candidates, const RayBundle& bundle, float height,
-            const TexelPacket& packet, const SearchLimits& limits, HitPacket& best) {
+/// RayBundle::may_meet for sixteen spheres from the i-th: a bit each.
+inline unsigned may_meet(const grid::PatchSpheres& spheres, std::size_t i, const RayBundle& bundle,
+                         float height) {
   const Vec3f o = bundle.origin, d = bundle.direction;
-  const float reach_of_rays = bundle.offset + height * bundle.spread;
+  const Floats reach =
+      (load(spheres.radius(i)) + bundle.offset + height * bundle.spread) * 1.00001F;
+  const Floats vx = load(spheres.x(i)) - o.x, vy = load(spheres.y(i)) - o.y,
+               vz = load(spheres.z(i)) - o.z;
+  const Floats cx = vy * d.z - vz * d.y, cy = vz * d.x - vx * d.z, cz = vx * d.y - vy * d.x;
+  const Floats along = absolute(vx * d.x + vy * d.y + vz * d.z);
+  const Ints meets = (cx * cx + cy * cy + cz * cz <= reach * reach) & (along <= height + reach);
+  unsigned met = bits(meets);
+  if (spheres.size() - i < kLanes) met &= (1U << (spheres.size() - i)) - 1;
+  return met;
+}
+
+std::size_t cull(const grid::PatchSpheres& list, const RayBundle& bundle, float height,
+                 std::uint16_t* places) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < list.size(); i += kLanes) {
+    for (unsigned met = may_meet(list, i, bundle, height); met != 0; met &= met - 1)
+      places[count++] =
+          static_cast<std::uint16_t>(i + static_cast<std::size_t>(std::countr_zero(met)));
+  }
+  return count;
+}
+
+void search(const grid::PatchSpheres& candidates, const RayBundle& bundle, float height,
+            const TexelPacket& packet, const SearchLimits& limits, HitPacket& best) {
   for (std::size_t i = 0; i < candidates.size(); i += kLanes) {
-    const Floats reach = (load(candidates.radius(i)) + reach_of_rays) * 1.00001F;
-    const Floats vx = load(candidates.x(i)) - o.x, vy = load(candidates.y(i)) - o.y,
-                 vz = load(candidates.z(i)) - o.z;
-    const Floats cx = vy * d.z - vz * d.y, cy = vz * d.x - vx * d.z, cz = vx * d.y - vy * d.x;
-    const Floats along = absolute(vx * d.x + vy * d.y + vz * d.z);
-    const Ints meets = (cx * cx + cy * cy + cz * cz <= reach * reach) & (along <= height + reach);
-    unsigned left = bits(meets);
-    if (candidates.size() - i < kLanes) left &= (1U << (candidates.size() - i)) - 1;
-    for (; left != 0; left &= left - 1) {
-      hit(candidates.facet(i + static_cast<std::size_t>(std::countr_zero(left))), packet, limits,
+    for (unsigned met = may_meet(candidates, i, bundle, height); met != 0; met &= met - 1) {
+      hit(candidates.facet(i + static_cast<std::size_t>(std::countr_zero(met))), packet, limits,
           best);
     }
   }
@@ -181,6 +197,6 @@ bool all_final(const TexelPacket& packet, const HitPacket& best, float height) {
 }  // namespace
 
 extern const Kernels kKernels;
-const Kernels kKernels{POUNCE_ISA_NAME, hit, search, all_final};
+const Kernels kKernels{POUNCE_ISA_NAME, hit, cull, search, all_final};
 
 }  // namespace pounce::projection::POUNCE_ISA_NAMESPACE

@@ -30,22 +30,6 @@ const Kernels& kernels(const std::string& isa) {
   return chosen == "avx512" ? avx512::kKernels : chosen == "avx2" ? avx2::kKernels : sse2::kKernels;
 }
 
-void Candidates::add(const grid::GridItem& item) {
-  // Arrays grow by whole registers, so that kernels may load sixteen from any multiple of sixteen.
-  // Capacity stays from group to group.
-  if (count_ == radius_.size()) {
-    const std::size_t room = count_ + kLanes;
-    for (auto& axis : centre_) axis.resize(room);
-    radius_.resize(room);
-    facets_.resize(room);
-  }
-  centre_[0][count_] = item.centre.x;
-  centre_[1][count_] = item.centre.y;
-  centre_[2][count_] = item.centre.z;
-  radius_[count_] = item.radius;
-  facets_[count_++] = item.facet;
-}
-
 void clear(HitPacket& best) {
   best = HitPacket{};
   std::fill(std::begin(best.key), std::end(best.key), kNoHit);

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/bounds.h"
-#include "grid/patch_grid.h"
+#include "grid/batch_patches.h"
 #include "surface/target_block.h"
 
 namespace pounce::projection {
@@ -50,26 +50,6 @@ inline float distance_of(std::int32_t key, const TexelPacket& packet) {
   return std::bit_cast<float>(key) - packet.coarseness;
 }
 
-/// Patches that a group of packets may meet: spheres in arrays, so that sixteen are culled at once.
-class Candidates {
- public:
-  void clear() { count_ = 0; }
-  void add(const grid::GridItem& item);
-  std::size_t size() const { return count_; }
-  const float* x(std::size_t i) const { return centre_[0].data() + i; }
-  const float* y(std::size_t i) const { return centre_[1].data() + i; }
-  const float* z(std::size_t i) const { return centre_[2].data() + i; }
-  const float* radius(std::size_t i) const { return radius_.data() + i; }
-  const surface::Facet& facet(std::size_t i) const { return *facets_[i]; }
-
- private:
-  std::size_t count_ = 0;
-  std::array<std::vector<float>, 3>
-      centre_;  // always whole registers; what lies beyond count_ is never read
-  std::vector<float> radius_;
-  std::vector<const surface::Facet*> facets_;
-};
-
 /// The kernels, one build per instruction set. All give the same bits: IEEE operations in one
 /// order, no fused multiply-add, no approximate reciprocals. noexcept and thread-safe.
 struct Kernels {
@@ -77,8 +57,12 @@ struct Kernels {
   /// Tries a facet on all lanes and keeps the better hit of each.
   void (*hit)(const surface::Facet& facet, const TexelPacket& packet, const SearchLimits& limits,
               HitPacket& best);
+  /// The patches that rays of the bundle may meet within `height`: at most as many as the list has,
+  /// which may hold kMostListed. Returns how many there are, and their places in the list.
+  std::size_t (*cull)(const grid::PatchSpheres& list, const RayBundle& bundle, float height,
+                      std::uint16_t* places);
   /// Tries all candidates that the packet's rays may meet within `height`.
-  void (*search)(const Candidates& candidates, const RayBundle& bundle, float height,
+  void (*search)(const grid::PatchSpheres& candidates, const RayBundle& bundle, float height,
                  const TexelPacket& packet, const SearchLimits& limits, HitPacket& best);
   /// True when no facet farther away than `height` can beat what any lane has.
   bool (*all_final)(const TexelPacket& packet, const HitPacket& best, float height);

@@ -7,14 +7,15 @@
 // with the least (key, triangle), where the key is |t| + distance outside, as single precision
 // knows it. Heights only save work: at height h every facet with |t| <= h is met, and one beyond
 // has at least the key of h. So a texel whose key is below that is final, and the result does not
-// depend on the heights, the order of the batches, the grid or the maximum distance (where
-// something is in reach). It ends because the last height is the maximum distance.
+// depend on the heights, the order of the batches, how patches are found or the maximum distance
+// (where something is in reach). It ends because the last height is the maximum distance.
 //
 // A minimum over (key, triangle) is associative, commutative and idempotent: source blocks may come
 // in any order and any number of times, which is what lets the source be streamed past the texels.
 #include "projection/search.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace pounce::projection {
@@ -54,15 +55,23 @@ std::vector<Box3f> open_boxes(const SearchState& state, std::size_t blocks, floa
   return boxes;
 }
 
-void search_batch(grid::PatchGrid& grid, float height, const SearchLimits& limits,
+void search_batch(grid::BatchPatches& patches, float height, const SearchLimits& limits,
                   const Kernels& kernels, SearchState& state) {
-  Candidates candidates;
+  grid::PatchSpheres candidates;
+  std::array<std::uint16_t, grid::BatchPatches::kMostListed> places;
   for (const std::uint32_t g : state.open) {
     const surface::PacketGroup& group = state.groups[g];
     const std::span bundles(state.bundles.data() + group.first, group.count);
     const RayBundle all = unite(bundles);
     candidates.clear();
-    grid.query(all, height, [&](const grid::GridItem& item) { candidates.add(item); });
+    if (grid::PatchGrid* const grid = patches.grid()) {
+      grid->query(all, height, [&](const grid::GridItem& item) {
+        candidates.add(item.centre, item.radius, item.facet);
+      });
+    } else {
+      const std::size_t count = kernels.cull(patches.list(), all, height, places.data());
+      for (std::size_t i = 0; i < count; ++i) candidates.add(patches.list(), places[i]);
+    }
     if (candidates.size() == 0) continue;
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
       kernels.search(candidates, state.bundles[p], height, state.packets[p], limits, state.hits[p]);

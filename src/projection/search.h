@@ -43,8 +43,8 @@ void start(SearchState& state);
 /// blocks without open groups.
 std::vector<Box3f> open_boxes(const SearchState& state, std::size_t blocks, float height);
 
-/// Tries every patch in `grid` on every open group that it may meet at this height.
-void search_batch(grid::PatchGrid& grid, float height, const SearchLimits& limits,
+/// Tries every patch of the batch on every open group that it may meet at this height.
+void search_batch(grid::BatchPatches& patches, float height, const SearchLimits& limits,
                   const Kernels& kernels, SearchState& state);
 
 /// Closes the groups that nothing beyond `height` can improve.

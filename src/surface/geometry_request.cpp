@@ -25,19 +25,6 @@
 namespace pounce::surface {
 namespace {
 
-/// How many windows of a block a cut triangle has a part in, at most.
-std::uint64_t patch_windows(const std::array<Vec2d, 3>& corners, const mesh::BlockBin& block) {
-  constexpr std::int64_t kEdge = kPatchWindow;
-  const std::int64_t x0 = std::int64_t{block.x} * mesh::kBlockEdge;
-  const std::int64_t y0 = std::int64_t{block.y} * mesh::kBlockEdge;
-  std::uint64_t windows = 0;
-  for (std::int64_t y = y0; y < y0 + mesh::kBlockEdge; y += kEdge) {
-    for (std::int64_t x = x0; x < x0 + mesh::kBlockEdge; x += kEdge)
-      windows += mesh::triangle_touches(corners, {x, y, x + kEdge, y + kEdge}, 1.0) ? 1 : 0;
-  }
-  return windows;
-}
-
 /// Bytes that a tile may need while it is made: its largest block decoded twice over and coarsened,
 /// and all of it encoded. `largest`, `all`: triangles.
 std::uint64_t tile_bytes(const GeometryRequest& request, std::uint64_t largest, std::uint64_t all,
@@ -135,7 +122,7 @@ std::uint64_t tile_cost(const GeometryRequest& request, const mesh::BlockBins& b
 Hash128 geometry_key(const GeometryRequest& request) {
   Hasher hash;
   // The numbers are of the rules that cut triangles and pages: others make other blocks.
-  hash.add(std::string_view(request.is_target ? "target geometry 2" : "source geometry 5"));
+  hash.add(std::string_view(request.is_target ? "target geometry 2" : "source geometry 6"));
   hash.add(std::uint32_t{request.exact ? 1U : 0U});
   hash.add(store::kFormatVersion);
   hash.add(request.hashes->shape());
@@ -189,44 +176,10 @@ std::uint64_t geometry_directory_bytes(const GeometryRequest& request,
   return 2 * tiles * sizeof(store::TileEntry) + 4 * request.pages.size() * sizeof(mesh::Lattice);
 }
 
-SourceShape source_shape(const GeometryRequest& request) {
-  // The largest block of the source sets the least that a piece leases for its batch. Uncut
-  // triangles have one patch each and need no look; the cut ones are few and are binned here for
-  // real, since how many windows they touch depends on their shape.
-  constexpr std::uint64_t kMost = store::kMostTrianglesPerBlock;
-  constexpr std::uint64_t kPatchesPerTriangle =
-      (mesh::kBlockEdge / kPatchWindow) * (mesh::kBlockEdge / kPatchWindow);
-  const std::uint64_t triangles = std::min<std::uint64_t>(request.mesh->triangles.size(), kMost);
-  SourceShape shape{static_cast<std::uint32_t>(triangles), static_cast<std::uint32_t>(triangles)};
-  // Only triangles that are cut have more than one patch.
-  const mesh::PageTriangles cut(request.pages.size(), [&](auto&& put) {
-    for (std::uint32_t p = 0; p < request.pages.size(); ++p) {
-      const mesh::Lattice& page = request.pages[p];
-      if (page.width == 0) continue;
-      for (const std::uint32_t t : request.triangles->of(p)) {
-        if (!mesh::is_whole(mesh::texel_corners(*request.mesh, page, {t, 0, 0}), page)) put(p, t);
-      }
-    }
-  });
-  mesh::BinRequest bins = bin_request(request, mesh::kTileCapBytes);
-  bins.triangles = &cut;
-  const mesh::BlockBinner binner(bins);
-  for (std::size_t band = 0; band < binner.bands(); ++band) {
-    const mesh::BlockBins made = binner.bin(band);
-    for (const mesh::BlockBin& block : made.blocks) {
-      std::uint64_t patches = 0;
-      for (std::uint32_t i = 0; i < block.count; ++i) {
-        patches += patch_windows(mesh::texel_corners(*request.mesh, request.pages[block.page],
-                                                     made.entries[block.first + i].instance),
-                                 block);
-      }
-      const std::uint64_t count = std::min<std::uint64_t>(block.count, triangles);
-      // The other triangles of a full block are whole, with a patch each.
-      patches = std::min(patches, count * kPatchesPerTriangle) + triangles - count;
-      shape.most_patches = std::max(shape.most_patches, static_cast<std::uint32_t>(patches));
-    }
-  }
-  return shape;
+std::uint32_t most_in_source_block(const GeometryRequest& request) {
+  const std::uint64_t triangles = request.mesh->triangles.size();
+  return static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(triangles, store::kMostTrianglesPerBlock));
 }
 
 // Bounds for the disk check before work begins, so every block is assumed to be stored as

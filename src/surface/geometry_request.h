@@ -67,11 +67,8 @@ std::uint64_t tile_cost(const GeometryRequest& request, const mesh::BlockBins& b
                         const mesh::TileRange& tile);
 /// The least that making its blocks may need at once, from bin counts.
 std::uint64_t geometry_least_bytes(const GeometryRequest& request, std::uint64_t tile_cap_bytes);
-/// What the largest block of a source has, at most.
-struct SourceShape {
-  std::uint32_t most_triangles = 0, most_patches = 0;
-};
-SourceShape source_shape(const GeometryRequest& request);
+/// Triangles of the largest block of a source, at most; it has no more patches.
+std::uint32_t most_in_source_block(const GeometryRequest& request);
 /// What stays in memory while such a store is open, at most.
 std::uint64_t geometry_directory_bytes(const GeometryRequest& request,
                                        std::uint64_t tile_cap_bytes);

@@ -3,8 +3,9 @@
 // From a stored block's triangles to facets that can be hit and patches that can be found.
 //
 // All set-up is in double precision from the mesh's own numbers, rounded once. A large triangle is
-// clipped to 16x16-texel windows of its block, so that a patch's box stays as small as the surface
-// it stands for; a small or thin one is one patch. The tolerance lets a hit lie up to one texel
+// clipped to its block's window of texels, so that a patch's box is no larger than the surface that
+// it stands for there; a small or thin one is a patch as it is. Finer windows cull more, and cost
+// more than that saves (docs/decisions/080). The tolerance lets a hit lie up to one texel
 // outside the triangle: two tessellations of one surface do not meet exactly at open borders. It
 // never exceeds the triangle's own size, so stretched texels do not overhang their triangle.
 //
@@ -176,8 +177,8 @@ Patch bounded(const Setup& s, std::span<const ClippedCorner> polygon, std::uint3
   return patch;
 }
 
-void add_patches(const store::GeometryBlock& block, const Setup& s, bool whole, std::uint32_t facet,
-                 std::vector<Patch>& patches) {
+void add_patch(const store::GeometryBlock& block, const Setup& s, bool whole, std::uint32_t facet,
+               std::vector<Patch>& patches) {
   // No heap for whole triangles: dense meshes have millions.
   const std::array<ClippedCorner, 3> triangle{
       ClippedCorner{s.texels[0], 0, 0}, {s.texels[1], 1, 0}, {s.texels[2], 0, 1}};
@@ -189,18 +190,14 @@ void add_patches(const store::GeometryBlock& block, const Setup& s, bool whole, 
   // Windows meet without a gap: each is the half-open cell of texel coordinates, closed here.
   const double left = static_cast<double>(block.x) * mesh::kBlockEdge;
   const double top = static_cast<double>(block.y) * mesh::kBlockEdge;
-  for (int wy = 0; wy < mesh::kBlockEdge / kPatchWindow; ++wy) {
-    for (int wx = 0; wx < mesh::kBlockEdge / kPatchWindow; ++wx) {
-      polygon.assign(triangle.begin(), triangle.end());
-      clip(polygon, true, left + wx * kPatchWindow, 1, scratch);
-      clip(polygon, true, left + (wx + 1) * kPatchWindow, -1, scratch);
-      clip(polygon, false, top + wy * kPatchWindow, 1, scratch);
-      clip(polygon, false, top + (wy + 1) * kPatchWindow, -1, scratch);
-      // A window that a triangle only touches gives a polygon without area, and a patch that finds
-      // the facet once more. That is harmless: the winner is a minimum.
-      if (!polygon.empty()) patches.push_back(bounded(s, polygon, facet));
-    }
-  }
+  polygon.assign(triangle.begin(), triangle.end());
+  clip(polygon, true, left, 1, scratch);
+  clip(polygon, true, left + mesh::kBlockEdge, -1, scratch);
+  clip(polygon, false, top, 1, scratch);
+  clip(polygon, false, top + mesh::kBlockEdge, -1, scratch);
+  // A window that a triangle only touches gives a polygon without area, and a patch that finds the
+  // facet once more. That is harmless: the winner is a minimum.
+  if (!polygon.empty()) patches.push_back(bounded(s, polygon, facet));
 }
 
 }  // namespace
@@ -211,6 +208,7 @@ SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lat
   out.facets.reserve(block.triangles.size());
   if (with_attributes) out.attributes.reserve(block.triangles.size());
   std::vector<Patch> patches;
+  patches.reserve(block.triangles.size());
   for (std::size_t i = 0; i < block.triangles.size(); ++i) {
     Setup s;
     for (std::size_t k = 0; k < 3; ++k) s.corners[k] = position(block, i, k);
@@ -239,11 +237,11 @@ SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lat
       ++out.degenerate;
       continue;
     }
-    add_patches(block, s, whole, static_cast<std::uint32_t>(out.facets.size()), patches);
+    add_patch(block, s, whole, static_cast<std::uint32_t>(out.facets.size()), patches);
     out.facets.push_back(facet);
     if (with_attributes) out.attributes.push_back(make_attributes(block, i));
   }
-  out.patches.assign(patches.begin(), patches.end());
+  out.patches.assign(patches.begin(), patches.end());  // no larger than a lease for so many
   return out;
 }
 

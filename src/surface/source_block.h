@@ -34,8 +34,8 @@ struct Facet {
   std::int32_t page;     ///< whose image
 };
 
-/// A part of a facet with a tight box: a whole small triangle, or a large one inside a 16x16-texel
-/// window.
+/// What of a facet lies in its block, with a tight box: a whole small triangle, or a large one
+/// inside the block's window of texels.
 struct Patch {
   Box3f box;     ///< holds every hit that counts
   Vec3f centre;  ///< and so does this sphere: rays are culled against it
@@ -65,9 +65,6 @@ struct SourceBlock {
            sizeof(SourceBlock);
   }
 };
-
-/// Edge of the windows that cut large triangles, in texels.
-inline constexpr int kPatchWindow = 16;
 
 /// Sets up the facets and patches of a stored block, and on demand its facets' attributes.
 /// `lattice` is its page's.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Whatever --memory, a job ends well or says that it is too small: between the two there is no other status.
 source "$(dirname "$0")/support.sh"
-# 4140 triangles that all show the same 89 x 89 texels: a block of theirs has many patches. The target has a chart of
+# 4140 triangles that all show the same 89 x 89 texels: a block of theirs has as many as one may. The target has a chart of
 # few texels in a large image: an index of results beside little else.
 { printf 'P6\n1024 1024\n255\n' && head -c 3145728 /dev/zero; } >skin.ppm
 awk 'BEGIN {

@@ -69,7 +69,7 @@ std::uint64_t known_state_bytes(std::uint32_t texels, std::uint64_t result_texel
 /// never run.
 class KnownMethod {
  public:
-  static constexpr PieceSize kPieceSize{32ULL << 20, 2};
+  static constexpr PieceSize kPieceSize{32ULL << 20, 1};
   using Work = HitWork;
 
   KnownMethod(job::JobContext& job, const MeshProjection& request,

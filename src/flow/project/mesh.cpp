@@ -4,13 +4,13 @@
 //
 //   fetch: the join. Source tiles are never leased whole: of each, only the blocks whose boxes meet
 //          the piece's swept boxes are read
-//   bin:   a grid over the patches of the batch
+//   bin:   the patches of the batch, in a list or a grid
 //   hit:   the hit kernels; with a height's last batch, what nothing farther can improve is closed
 //   blend: what was hit becomes texels (hit_shading.h)
 //
 // A piece that meets more source than its batch holds goes through it batch by batch: the best hit
 // of a texel is a minimum, so batches may be cut anywhere. What the leases leave keeps decoded
-// source blocks for the next pieces.
+// source blocks for the pieces near it.
 //
 // Correctness does not depend on heights, batches, threads or on which piece was first: the winner
 // is the least (key, triangle number) of all that a texel may hit
@@ -35,7 +35,7 @@ using store::kTexelsPerBlock;
 constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, candidate lists, encode buffers
 
 /// What one source block costs a batch: itself decoded, what it is decoded from, and its share of
-/// the grid.
+/// the list or grid.
 std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches, bool with_shape) {
   return surface::SourceBlock::decoded_bytes(triangles, patches, with_shape) + patches * 128;
 }
@@ -70,15 +70,15 @@ float farthest(const Box3f& source, const Box3f& target) {
 
 class SurfaceMethod {
  public:
-  /// Blocks are met once, whatever the batch: a larger one saves nothing. Few blocks stay in the
-  /// core's cache from node to node, and the pool of pages has their memory ready for the next.
-  static constexpr PieceSize kPieceSize{32ULL << 20, 2};
+  /// Blocks are met once, whatever the batch: a larger one saves nothing. One block stays in the
+  /// core's cache from node to node, and the pool of pages has its memory ready for the next.
+  static constexpr PieceSize kPieceSize{32ULL << 20, 1};
 
   struct Work : HitWork {
     std::size_t height = 0;                       ///< index of the height at hand
     std::optional<BlockWalk<SurfaceCache>> walk;  ///< over the blocks of this height
     std::vector<std::shared_ptr<const surface::SourceBlock>> batch;
-    std::optional<grid::PatchGrid> grid;  ///< over the batch
+    std::optional<grid::BatchPatches> patches;  ///< of the batch
   };
 
   SurfaceMethod(job::JobContext& job, const MeshProjection& request, HitKeeper* keeper)
@@ -109,7 +109,7 @@ class SurfaceMethod {
     // out whether it is true where a budget turns out too small.
     const store::GeometryDirectory& d = source_->store().directory();
     return batch_cost(d.most_triangles, d.most_patches, with_shape_) +
-           grid::PatchGrid::most_bytes(0) + 3 * std::uint64_t{d.largest_chunk_bytes};
+           grid::BatchPatches::most_bytes(0) + 3 * std::uint64_t{d.largest_chunk_bytes};
   }
 
   BlockCost state_cost(const store::BlockEntry& entry) const {
@@ -131,7 +131,7 @@ class SurfaceMethod {
   /// A height ends when its walk does. Closing a group earlier would be wrong: one of the blocks to
   /// come may have a better hit within the height.
   std::uint64_t fetch(Work& work) const {
-    work.grid.reset();
+    work.patches.reset();
     work.batch.clear();
     while (!work.state.open.empty() && work.height < heights_.size()) {
       if (!work.walk) {
@@ -148,11 +148,11 @@ class SurfaceMethod {
   static void bin(Work& work) {
     std::vector<const surface::SourceBlock*> blocks;
     for (const auto& block : work.batch) blocks.push_back(block.get());
-    work.grid.emplace(blocks, work.walk->region());
+    work.patches.emplace(blocks, work.walk->region());
   }
 
   void hit(Work& work) const {
-    projection::search_batch(*work.grid, heights_[work.height], limits_, *kernels_, work.state);
+    projection::search_batch(*work.patches, heights_[work.height], limits_, *kernels_, work.state);
     // New winners are evaluated while their facets are in memory: the batch is dropped after this.
     if (with_points_) work.points.follow(work.state, work.batch);
     if (work.walk->done()) end_height(work);
@@ -259,15 +259,14 @@ std::unique_ptr<Projection> project_mesh(job::JobContext& job, const MeshProject
   return std::make_unique<Search>(job, request, std::move(keeper));
 }
 
-std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,
-                                  std::uint32_t largest_chunk_bytes,
+std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t largest_chunk_bytes,
                                   std::uint64_t result_texel_bytes, std::uint64_t lookup_bytes,
                                   bool with_shape) {
   // What fixed_bytes(), least_batch_bytes() and state_cost() give for the worst block, from bounds
   // that planning has before any store exists. A change there belongs here, too. Left out are the
-  // grid of an empty batch, a page, and hits: these are kept only where the budget is much larger
+  // grid of an empty batch (a page), and hits: these are kept only where the budget is much larger
   // (may_keep_hits()).
-  return kPieceScratch + lookup_bytes + batch_cost(most_triangles, most_patches, with_shape) +
+  return kPieceScratch + lookup_bytes + batch_cost(most_triangles, most_triangles, with_shape) +
          3 * std::uint64_t{largest_chunk_bytes} +
          block_state_bytes(kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes,
                            with_shape);

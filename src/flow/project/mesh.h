@@ -29,8 +29,7 @@ std::unique_ptr<Projection> project_mesh(job::JobContext& job, const MeshProject
 
 /// The least that projecting needs at once: one target block, one source block at a time, its
 /// colours (shading_bytes()). `with_shape`: some channel is of the surface itself, or tinted.
-std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,
-                                  std::uint32_t largest_chunk_bytes,
+std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t largest_chunk_bytes,
                                   std::uint64_t result_texel_bytes, std::uint64_t lookup_bytes,
                                   bool with_shape);
 

@@ -141,14 +141,14 @@ void SurfaceSource::add_stores(planning::DiskPlan& disk) {
 
 std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
   // While planning no store exists. Its largest chunk is bounded by what a triangle takes before
-  // compression; source_shape() has counted the most triangles of a block.
+  // compression; its triangles are counted.
   constexpr std::uint64_t kStoredTriangle = 160, kColouredTriangle = 208, kChunk = 1 << 16;
   const planning::PassPlan& p = plan_.passes[pass];
   const std::uint64_t triangle = p.source.colours ? kColouredTriangle : kStoredTriangle;
+  const std::uint32_t most = surface::most_in_source_block(p.source);
   return flow::project_least_bytes(
-      p.shape.most_triangles, p.shape.most_patches,
-      static_cast<std::uint32_t>(p.shape.most_triangles * triangle + kChunk),
-      result_texel_bytes(pass), shading_bytes(colour_tile_bytes(plan_)), p.has_shape || p.has_map);
+      most, static_cast<std::uint32_t>(most * triangle + kChunk), result_texel_bytes(pass),
+      shading_bytes(colour_tile_bytes(plan_)), p.has_shape || p.has_map);
 }
 
 void SurfaceSource::build(ProgressRange range, const planning::TargetDetail& targets) {

@@ -43,8 +43,6 @@ constexpr auto for_directory = [](auto& d, const auto& visit) {
         d.most_blocks, d.largest_chunk_bytes, d.coincident);
 };
 
-/// Windows that a large triangle is cut into within its block: surface/source_block.cpp.
-constexpr std::uint32_t kMostPatchesPerTriangle = 16;
 /// Beyond this no coordinate of a texel leads: 2^24 blocks.
 constexpr std::int64_t kMostBlocksAcross = std::int64_t{1} << 24;
 /// A unit vector whose coordinates were rounded to floats is not longer than this, squared.
@@ -266,7 +264,7 @@ void GeometryCodec::check(const Directory& directory, const Facts& facts, const 
     fail(name, "counts more texels or triangles than possible");
   }
   if (directory.most_triangles > kMostTrianglesPerBlock ||
-      directory.most_patches > kMostPatchesPerTriangle * kMostTrianglesPerBlock ||
+      directory.most_patches > directory.most_triangles ||
       directory.largest_chunk_bytes > kLargestGeometryBytes) {
     fail(name, "has impossible maxima");
   }
@@ -291,8 +289,7 @@ void GeometryCodec::check(const std::vector<Entry>& entries, const Tile&,
       fail(name, "has a block outside of its page");
     }
     if ((entry.triangles == 0 && !facts.is_target) || entry.triangles > directory.most_triangles ||
-        entry.patches >
-            std::min(directory.most_patches, kMostPatchesPerTriangle * entry.triangles) ||
+        entry.patches > std::min(directory.most_patches, entry.triangles) ||
         entry.chunk.raw_bytes > directory.largest_chunk_bytes ||
         (facts.is_target && (entry.texels == 0 || entry.texels > kTexelsPerBlock))) {
       fail(name, "has an impossible block entry");

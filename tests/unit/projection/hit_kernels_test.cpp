@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <catch2/catch.hpp>
 #include <cstring>
@@ -228,6 +229,41 @@ TEST_CASE("the hit kernel agrees with the definition in double precision") {
   CHECK(unsure_ones < (hits + misses) / 50);
 }
 
+TEST_CASE("a list is culled to what rays of the bundle may meet, in its order") {
+  const auto isas = available();
+  Random random(53);
+  std::size_t kept = 0, dropped = 0;
+  for (int round = 0; round < 500; ++round) {
+    const surface::Facet facet{};
+    grid::PatchSpheres list;
+    const std::size_t count = random.below(grid::BatchPatches::kMostListed + 1);
+    for (std::size_t i = 0; i < count; ++i) {
+      list.add(
+          {random.between(-2.0F, 2.0F), random.between(-2.0F, 2.0F), random.between(-2.0F, 2.0F)},
+          random.between(0.0F, 0.5F), &facet);
+    }
+    const std::array bundles{bundle_of(test::random_packet(random, 0.2F)),
+                             bundle_of(test::random_packet(random, 0.2F))};
+    RayBundle bundle = random.one_in(2) ? unite(bundles) : bundles[0];
+    if (random.one_in(20)) bundle.direction = {}, bundle.spread = 1;
+    const float height = random.between(0.0F, 2.0F);
+    std::vector<std::uint16_t> expected;
+    for (std::uint16_t i = 0; i < count; ++i) {
+      if (bundle.may_meet({*list.x(i), *list.y(i), *list.z(i)}, *list.radius(i), height))
+        expected.push_back(i);
+    }
+    for (const Kernels* kernels : isas) {
+      std::array<std::uint16_t, grid::BatchPatches::kMostListed> places{};
+      const std::size_t met = kernels->cull(list, bundle, height, places.data());
+      CHECK(std::vector<std::uint16_t>(places.begin(), places.begin() + met) == expected);
+    }
+    kept += expected.size();
+    dropped += count - expected.size();
+  }
+  CHECK(kept > 5000);
+  CHECK(dropped > 5000);
+}
+
 TEST_CASE("all instruction sets give the same bits, whatever is in the packets") {
   const auto isas = available();
   if (isas.size() < 2) WARN("only one instruction set here: nothing to compare");
@@ -269,9 +305,9 @@ TEST_CASE("all instruction sets give the same bits, whatever is in the packets")
     for (TexelPacket& packet : packets)
       packet.coarseness = random.one_in(2) ? 0.0F : random.between(0.0F, 9.0F);
     const float height = random.between(0.0F, 2.0F);
-    Candidates candidates;
+    grid::PatchSpheres candidates;
     for (const surface::Patch& patch : block.patches)
-      candidates.add({patch.box, patch.centre, patch.radius, &block.facets[patch.facet], 0, {}});
+      candidates.add(patch.centre, patch.radius, &block.facets[patch.facet]);
     for (const TexelPacket& packet : packets) {
       std::vector<HitPacket> results(isas.size() * 2);
       std::vector<bool> finals(isas.size());

@@ -80,8 +80,10 @@ PageVector<HitPacket> search(const Scene& scene, const std::vector<float>& heigh
     for (std::size_t at = 0; at < order.size();) {
       const std::size_t count = std::min<std::size_t>(1 + random.below(4), order.size() - at);
       const std::span<const surface::SourceBlock* const> all(order);
-      grid::PatchGrid grid(all.subspan(at, count), region);
-      search_batch(grid, height, scene.limits, kernels(""), state);
+      const std::size_t most_listed =
+          random.one_in(2) ? 0 : random.below(grid::BatchPatches::kMostListed + 1);
+      grid::BatchPatches patches(all.subspan(at, count), region, most_listed);
+      search_batch(patches, height, scene.limits, kernels(""), state);
       at += count;
     }
     close_groups(height, kernels(""), state);
