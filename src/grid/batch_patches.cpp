@@ -39,8 +39,8 @@ void PatchSpheres::add(const PatchSpheres& from, std::size_t i) {
   add({*from.x(i), *from.y(i), *from.z(i)}, *from.radius(i), from.facets_[i]);
 }
 
-BatchPatches::BatchPatches(std::span<const surface::SourceBlock* const> blocks,
-                           const Box3f& region, std::size_t most_listed) {
+BatchPatches::BatchPatches(std::span<const surface::SourceBlock* const> blocks, const Box3f& region,
+                           std::size_t most_listed) {
   std::size_t count = 0;
   for (const auto* block : blocks) {
     for (const surface::Patch& patch : block->patches) count += patch.box.overlaps(region) ? 1 : 0;
