@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -16,6 +17,25 @@ namespace pounce {
 
 static_assert(std::endian::native == std::endian::little,
               "stores are little endian, written as in memory");
+
+/// Bytes that have no value yet: for what is filled at once and in full. A vector would clear it
+/// first.
+class UnsetBytes {
+ public:
+  UnsetBytes() = default;
+  explicit UnsetBytes(std::size_t size)
+      : bytes_(std::make_unique_for_overwrite<std::byte[]>(size)), size_(size) {}
+  std::byte* data() { return bytes_.get(); }
+  const std::byte* data() const { return bytes_.get(); }
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  operator std::span<std::byte>() { return {bytes_.get(), size_}; }
+  operator std::span<const std::byte>() const { return {bytes_.get(), size_}; }
+
+ private:
+  std::unique_ptr<std::byte[]> bytes_;
+  std::size_t size_ = 0;
+};
 
 /// Appends plain values to a byte vector.
 class ByteWriter {

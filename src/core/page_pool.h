@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <new>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 namespace pounce {
@@ -75,5 +77,29 @@ struct PageAllocator {
 /// A vector whose memory is whole pages of the pool: for what is large or lives long.
 template <class T>
 using PageVector = std::vector<T, PageAllocator<T>>;
+
+/// The same, of elements that resize() leaves as their memory is: for what is filled in full next.
+template <class T>
+struct UnsetPageAllocator : PageAllocator<T> {
+  using value_type = T;
+  template <class U>
+  struct rebind {
+    using other = UnsetPageAllocator<U>;
+  };
+  UnsetPageAllocator() = default;
+  template <class U>
+  explicit UnsetPageAllocator(const UnsetPageAllocator<U>&) {}
+  template <class U>
+  void construct(U* at) noexcept {
+    static_assert(std::is_trivially_default_constructible_v<U>);
+    ::new (static_cast<void*>(at)) U;
+  }
+  template <class U, class First, class... Rest>
+  void construct(U* at, First&& first, Rest&&... rest) {
+    ::new (static_cast<void*>(at)) U(std::forward<First>(first), std::forward<Rest>(rest)...);
+  }
+};
+template <class T>
+using UnsetPageVector = std::vector<T, UnsetPageAllocator<T>>;
 
 }  // namespace pounce

@@ -10,8 +10,10 @@ bool KeptEncodings::find(std::uint32_t block, const Hash128& rows,
                          std::vector<std::byte>& encoded) {
   const auto found = blocks_.find({image_, block});
   if (found == blocks_.end() || found->second.rows != rows) return false;
-  reader_->read(found->second.chunk, store::ChunkKind::encoded, encoded);
-  encoded.erase(encoded.begin(), encoded.begin() + store::kEncodedRowsBytes);
+  chunk_ = {};  // no third copy beside the chunk and what is returned of it
+  const store::StoredChunk chunk = reader_->read(found->second.chunk, store::ChunkKind::encoded);
+  const auto bytes = chunk.payload().subspan(store::kEncodedRowsBytes);
+  encoded.assign(bytes.begin(), bytes.end());
   return true;
 }
 

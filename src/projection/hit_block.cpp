@@ -194,7 +194,7 @@ HitBlock hits_of(std::span<const TexelPacket> packets, std::span<const HitPacket
 }
 
 void append_packets(const HitBlock& block, std::uint32_t number, PageVector<TexelPacket>& packets,
-                    PageVector<HitPacket>& hits) {
+                    UnsetPageVector<HitPacket>& hits) {
   std::array<std::uint16_t, kTexels> texels;
   std::size_t count = 0;
   for (std::uint32_t place = 0; place < kTexels; ++place) {
@@ -205,7 +205,7 @@ void append_packets(const HitBlock& block, std::uint32_t number, PageVector<Texe
   for (std::size_t first = 0; first < count; first += kLanes) {
     const std::size_t lanes = std::min<std::size_t>(kLanes, count - first);
     TexelPacket& packet = packets.emplace_back(TexelPacket{});
-    HitPacket& hit = hits.emplace_back();
+    HitPacket& hit = hits.emplace_back(HitPacket{});
     packet.block = number;
     std::fill_n(packet.texel, kLanes, surface::kNoTexel);
     std::copy_n(&texels[first], lanes, packet.texel);

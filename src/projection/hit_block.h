@@ -101,7 +101,7 @@ HitBlock hits_of(std::span<const TexelPacket> packets, std::span<const HitPacket
 /// Appends the hits as packets, as shading reads them: texel, owner, edge and hit; where rays start
 /// and how far they went is not known any more. `block`: its number in the piece.
 void append_packets(const HitBlock& block, std::uint32_t number, PageVector<TexelPacket>& packets,
-                    PageVector<HitPacket>& hits);
+                    UnsetPageVector<HitPacket>& hits);
 
 /// Bytes of so many encoded blocks at most: with so many facets and axes, all together.
 constexpr std::uint64_t most_hit_bytes(std::uint64_t blocks, std::uint64_t texels,

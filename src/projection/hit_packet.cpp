@@ -31,7 +31,6 @@ const Kernels& kernels(const std::string& isa) {
 }
 
 void clear(HitPacket& best) {
-  best = HitPacket{};
   std::fill(std::begin(best.key), std::end(best.key), kNoHit);
   std::fill(std::begin(best.id), std::end(best.id), kNoHit);
 }

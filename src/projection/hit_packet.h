@@ -71,6 +71,7 @@ struct Kernels {
 /// The kernels for `isa`, as instruction_set() chooses.
 const Kernels& kernels(const std::string& isa);
 
+/// No lane has a hit. All but key and id is left as it is.
 void clear(HitPacket& best);
 
 // --- bundles -------------------------------------------------------------------------------------

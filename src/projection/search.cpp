@@ -35,9 +35,8 @@ std::vector<float> search_heights(float max_distance) {
 }
 
 void start(SearchState& state) {
-  HitPacket none;
-  clear(none);
-  state.hits.assign(state.packets.size(), none);
+  state.hits.resize(state.packets.size());
+  for (HitPacket& hit : state.hits) clear(hit);
   state.bundles.reserve(state.packets.size());
   for (const TexelPacket& packet : state.packets) state.bundles.push_back(bundle_of(packet));
   state.open.resize(state.groups.size());
@@ -97,25 +96,27 @@ std::uint64_t count_distances(float max_distance, const SearchState& state,
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     const TexelPacket& packet = state.packets[p];
     const HitPacket& hit = state.hits[p];
-    // A loop of its own: without a branch it becomes vector code.
-    float shares[kLanes];
-    for (int lane = 0; lane < kLanes; ++lane)
-      shares[lane] = distance_of(hit.key[lane], packet) / max_distance;
-    // Neighbours mostly share a bin: a counter that is in memory would be waited for each time.
-    std::size_t bin = 0;
-    std::uint64_t in_bin = 0;
+    // Loops without a branch become vector code. Neighbours mostly share a bin.
+    std::int32_t used[kLanes], bins[kLanes], steps_of[kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (packet.texel[lane] == surface::kNoTexel || hit.key[lane] == kNoHit) continue;
-      const std::size_t own = distance_bin(shares[lane]);
-      if (own != bin) {
-        counts[bin] += in_bin;
-        bin = own;
-        in_bin = 0;
-      }
-      ++in_bin;
-      steps += share_steps(shares[lane]);
+      const float share = distance_of(hit.key[lane], packet) / max_distance;
+      used[lane] = packet.texel[lane] != surface::kNoTexel && hit.key[lane] != kNoHit ? -1 : 0;
+      bins[lane] = distance_bin(share) & used[lane];
+      steps_of[lane] = share_steps(share) & used[lane];
     }
-    counts[bin] += in_bin;
+    std::int32_t hits = 0, in_steps = 0, highest = 0;
+    for (int lane = 0; lane < kLanes; ++lane) {
+      hits -= used[lane];
+      in_steps += steps_of[lane];
+      highest |= bins[lane];
+    }
+    steps += static_cast<std::uint64_t>(in_steps);
+    if (highest == 0) {
+      counts[0] += static_cast<std::uint64_t>(hits);
+      continue;
+    }
+    for (int lane = 0; lane < kLanes; ++lane)
+      counts[static_cast<std::size_t>(bins[lane])] += static_cast<std::uint64_t>(-used[lane]);
   }
   return steps;
 }

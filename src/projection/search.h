@@ -19,8 +19,8 @@ namespace pounce::projection {
 /// The texels of one piece of the target and what they have found so far.
 struct SearchState {
   PageVector<TexelPacket> packets;
-  PageVector<HitPacket> hits;     ///< one per packet
-  PageVector<RayBundle> bundles;  ///< one per packet
+  UnsetPageVector<HitPacket> hits;  ///< one per packet; see start()
+  PageVector<RayBundle> bundles;    ///< one per packet
   std::vector<surface::PacketGroup> groups;
   std::vector<std::uint32_t> open;  ///< indices of the groups that still search
 
@@ -36,7 +36,8 @@ struct SearchState {
 /// on it.
 std::vector<float> search_heights(float max_distance);
 
-/// Prepares the search of state.packets and state.groups: no hits, all groups open.
+/// Prepares the search of state.packets and state.groups: no hits, all groups open. Where nothing
+/// is hit, only key and id will have a value.
 void start(SearchState& state);
 
 /// The swept boxes of the open groups at a height, united per block of the piece; empty boxes for
@@ -57,29 +58,31 @@ float middle_distance(const SearchState& state);
 /// Adds how far away the texels found what they found. Returns the sum of their distance_steps().
 std::uint64_t count_distances(float max_distance, const SearchState& state, DistanceCounts& counts);
 
+/// 0 to `most`, and 0 for what is no number: by values, which loops over lanes become vectors with.
+inline float kept_in(float value, float most) {
+  const float above = value > 0 ? value : 0.0F;
+  return above < most ? above : most;
+}
 /// The bin of a distance that is such a share of the most.
-inline std::size_t distance_bin(float share) {
-  const auto last = static_cast<float>(kDistanceBins - 1);
-  const float bin = share * static_cast<float>(kDistanceBins);
-  return bin > 0 ? static_cast<std::size_t>(std::min(bin, last)) : 0;
+inline std::int32_t distance_bin(float share) {
+  constexpr auto kLast = static_cast<float>(kDistanceBins - 1);
+  return static_cast<std::int32_t>(kept_in(share * static_cast<float>(kDistanceBins), kLast));
 }
 /// The same share in steps of 2^-16.
-inline std::uint64_t share_steps(float share) {
+inline std::int32_t share_steps(float share) {
   constexpr float kSteps = 65536;
-  // Signed: processors convert to no other at once.
-  return static_cast<std::uint64_t>(
-      static_cast<std::int32_t>(std::clamp(share, 0.0F, 1.0F) * kSteps + 0.5F));
+  return static_cast<std::int32_t>(kept_in(share, 1) * kSteps + 0.5F);
 }
 
 /// Counts a texel that found its surface at `distance`, of at most `max_distance`. Integers, so the
 /// sums do not depend on order.
 inline void count_distance(float distance, float max_distance, DistanceCounts& counts) {
-  ++counts[distance_bin(distance / max_distance)];
+  ++counts[static_cast<std::size_t>(distance_bin(distance / max_distance))];
 }
 
 /// The same distance in steps of max_distance / 2^16, of which sums do not depend on order, either.
 inline std::uint64_t distance_steps(float distance, float max_distance) {
-  return share_steps(distance / max_distance);
+  return static_cast<std::uint64_t>(share_steps(distance / max_distance));
 }
 
 // --- the surface that was hit --------------------------------------------------------------------

@@ -233,16 +233,16 @@ std::uint32_t encode(const ResultBlock& block, const TexelFormat& format,
   return size;
 }
 
-void decode(std::vector<std::byte> stored, std::uint32_t size_bytes, const TexelFormat& format,
+void decode(store::StoredChunk stored, std::uint32_t size_bytes, const TexelFormat& format,
             store::Compressor& compressor, const std::string& name, ResultBlock& block) {
   const std::size_t size = 64 * 64 * format.texel_bytes();
   if (size_bytes != kMaskBytes + size)
     throw Error(ErrorKind::damaged_store, name + ": a result of another size");
-  std::vector<std::byte> raw(size_bytes);
-  compressor.decompress(stored, raw);
-  const bool as_is = store::is_as_is(stored);
+  UnsetBytes raw(size_bytes);
+  compressor.decompress(stored.payload(), raw);
+  const bool as_is = store::is_as_is(stored.payload());
   stored = {};  // its memory
-  const auto samples = std::span(raw).subspan(kMaskBytes);
+  const auto samples = std::span<const std::byte>(raw).subspan(kMaskBytes);
   std::memcpy(block.mask.data(), raw.data(), kMaskBytes);
   block.texels.resize(size);
   if (as_is) {

@@ -99,7 +99,7 @@ std::uint32_t encode(const ResultBlock& block, const TexelFormat& format,
                      store::Compressor& compressor, store::PlainRoom* room,
                      std::vector<std::byte>& stored);
 /// The inverse, of `size_bytes` before compression. Throws Error(damaged_store).
-void decode(std::vector<std::byte> stored, std::uint32_t size_bytes, const TexelFormat& format,
+void decode(store::StoredChunk stored, std::uint32_t size_bytes, const TexelFormat& format,
             store::Compressor& compressor, const std::string& name, ResultBlock& block);
 
 }  // namespace pounce::shading

@@ -218,8 +218,9 @@ void SplatMerge::refill(Cursor& cursor) {
   cursor.keys.clear();
   if (cursor.run->held) return refill(*cursor.run->held, cursor);
   if (cursor.next == cursor.run->chunks.size()) return;
-  pack_->read(cursor.run->chunks[cursor.next++], store::ChunkKind::block, chunk_);
-  ByteReader in(chunk_, pack_->name() + ": run");
+  const store::StoredChunk chunk =
+      pack_->read(cursor.run->chunks[cursor.next++], store::ChunkKind::block);
+  ByteReader in(chunk.payload(), pack_->name() + ": run");
   // Checked although the file is the process's own: a disk may return other bytes than were
   // written.
   const auto count = in.get<std::uint64_t>();

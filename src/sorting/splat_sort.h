@@ -90,7 +90,6 @@ class SplatMerge {
   const store::SplatLattice& lattice_;
   const std::uint32_t lobes_;
   std::shared_ptr<store::PackReader> pack_;
-  std::vector<std::byte> chunk_;  ///< the last one that was read
   std::vector<Cursor> cursors_;
   std::vector<std::uint64_t> keys_;  ///< of the cursors; the largest number there is once it ended
   std::vector<std::uint32_t> tree_;  ///< losers; [0] is the winner

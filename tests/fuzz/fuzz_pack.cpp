@@ -227,7 +227,7 @@ void read_hits(std::unique_ptr<store::PackReader> pack, const store::HitStore::F
       for (const projection::HitFacet& facet : block.facets)
         require(static_cast<std::size_t>(facet.page) < facts.source_pages, "facets lie on pages");
       PageVector<projection::TexelPacket> packets;
-      PageVector<projection::HitPacket> hits;
+      UnsetPageVector<projection::HitPacket> hits;
       projection::append_packets(block, 0, packets, hits);
     });
   }

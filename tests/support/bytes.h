@@ -21,6 +21,11 @@ inline std::vector<std::byte> random_bytes(std::size_t count, std::uint32_t seed
   return bytes;
 }
 
+/// A copy, to be compared and changed.
+inline std::vector<std::byte> bytes_of(std::span<const std::byte> bytes) {
+  return {bytes.begin(), bytes.end()};
+}
+
 inline std::vector<std::byte> read_whole(FileSystem& files, const std::string& path) {
   const auto file = files.open(path);
   std::vector<std::byte> bytes(file->size_bytes());

@@ -47,7 +47,7 @@ struct PackTree {
     const store::PackReader pack(std::move(file), path, kind, key);
     store::Compressor compressor;
     const auto read = [&](const store::ChunkRef& ref, store::ChunkKind what) {
-      return store::read_payload(pack, ref, what, store::kLargestChunkBytes, compressor);
+      return bytes_of(store::read_payload(pack, ref, what, store::kLargestChunkBytes, compressor));
     };
     directory = read(pack.directory(), store::ChunkKind::directory);
     if (kind == store::PackKind::hits) {

@@ -44,10 +44,8 @@ void check_store(job::JobContext& job, const KnownResults& known) {
   for (std::size_t c = 0; c < known.store.blocks.size(); ++c) {
     for (const store::ChunkRef& chunk : known.store.blocks[c]) {
       if (chunk.raw_bytes == 0) continue;
-      std::vector<std::byte> stored;
-      pack.read(chunk, store::ChunkKind::block, stored);
-      shading::decode(std::move(stored), chunk.raw_bytes, (*known.formats)[c], job.compressor(),
-                      pack.name(), block);
+      shading::decode(pack.read(chunk, store::ChunkKind::block), chunk.raw_bytes,
+                      (*known.formats)[c], job.compressor(), pack.name(), block);
     }
     job.meter.advance(0);  // stops here if the caller asked to
   }

@@ -264,11 +264,9 @@ class ImageAssembler {
   }
 
   shading::ResultBlock read_block(const store::ChunkRef& chunk) {
-    std::vector<std::byte> stored;
-    results_.read(chunk, store::ChunkKind::block, stored);
     shading::ResultBlock block;
-    shading::decode(std::move(stored), chunk.raw_bytes, format_, job_.compressor(), results_.name(),
-                    block);
+    shading::decode(results_.read(chunk, store::ChunkKind::block), chunk.raw_bytes, format_,
+                    job_.compressor(), results_.name(), block);
     return block;
   }
 

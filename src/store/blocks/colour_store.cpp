@@ -199,15 +199,14 @@ ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor)
   // Also of a tile that was left out: who asks for it was wrong about what its texels need.
   if (chunk.raw_bytes != size)
     throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile has the wrong size");
-  std::vector<std::byte> stored;
-  pack_->read(chunk, ChunkKind::block, stored);
+  StoredChunk stored = pack_->read(chunk, ChunkKind::block);
   ColourTile tile;
-  if (is_as_is(stored)) {
+  if (is_as_is(stored.payload())) {
     tile.resize(size);
-    compressor.decompress(stored, tile);
+    compressor.decompress(stored.payload(), tile);
   } else {
-    std::vector<std::byte> raw(size);
-    compressor.decompress(stored, raw);
+    UnsetBytes raw(size);
+    compressor.decompress(stored.payload(), raw);
     stored = {};  // its memory
     tile.resize(size);
     unfilter_colours(directory_, raw, tile);

@@ -50,7 +50,7 @@ std::int64_t wrapped(std::int64_t texel, std::int64_t size, mesh::Wrap wrap);
 
 /// Samples of one tile and its apron, kColourTileEdge wide and high, texels interleaved, as in the
 /// image.
-using ColourTile = PageVector<std::byte>;
+using ColourTile = UnsetPageVector<std::byte>;
 
 /// Serialises a tile for compression (differences between neighbours, byte planes), and back.
 void filter_colours(const ColourDirectory& image, std::span<const std::byte> tile,

@@ -62,8 +62,7 @@ HitStore::HitStore(std::unique_ptr<PackReader> pack, Facts facts, Compressor& co
   for (ChunkRef& block : blocks_) block = get_chunk(in);
 }
 
-std::vector<std::byte> HitStore::read(std::uint32_t x, std::uint32_t y,
-                                      Compressor& compressor) const {
+UnsetBytes HitStore::read(std::uint32_t x, std::uint32_t y, Compressor& compressor) const {
   const ChunkRef& block = blocks_[std::size_t{y} * grid_.across + x];
   if (block == kNoHits) return {};
   return read_payload(*pack_, block, ChunkKind::block, facts_.most_bytes, compressor);

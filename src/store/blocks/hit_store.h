@@ -52,7 +52,7 @@ class HitStore {
   /// Throws Error(damaged_store) for the hits of another image.
   HitStore(std::unique_ptr<PackReader> pack, Facts facts, Compressor& compressor);
   /// The encoded hits of a block; empty: it has none.
-  std::vector<std::byte> read(std::uint32_t x, std::uint32_t y, Compressor& compressor) const;
+  UnsetBytes read(std::uint32_t x, std::uint32_t y, Compressor& compressor) const;
   const HitGrid& grid() const { return grid_; }
   const Facts& facts() const { return facts_; }
   const PackReader& pack() const { return *pack_; }

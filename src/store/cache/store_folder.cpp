@@ -335,10 +335,9 @@ class CacheFolder final : public StoreFolder {
     if (file == nullptr) return nullptr;
     try {
       auto reader = std::make_unique<PackReader>(std::move(file), path, kind, key);
-      std::vector<std::byte> stored;
       // The directory now, while a damaged pack is only one to build again; blocks when they are
       // read, which restarts the job.
-      reader->read(reader->directory(), ChunkKind::directory, stored);
+      reader->read(reader->directory(), ChunkKind::directory);
       if (options_.verify) reader->verify();
       if (&layout == &layout_) note_use(path);
       return reader;

@@ -77,15 +77,13 @@ inline ChunkRef append_payload(PackWriter& pack, ChunkKind kind, std::span<const
 /// Reads a chunk, checks it and decompresses it. Throws Error(damaged_store), as
 /// PackReader::read(), and for one that is larger than `most_bytes`: a small file may claim any
 /// size, so nothing is allocated before.
-inline std::vector<std::byte> read_payload(const PackReader& pack, const ChunkRef& chunk,
-                                           ChunkKind kind, std::uint64_t most_bytes,
-                                           Compressor& compressor) {
+inline UnsetBytes read_payload(const PackReader& pack, const ChunkRef& chunk, ChunkKind kind,
+                               std::uint64_t most_bytes, Compressor& compressor) {
   if (chunk.raw_bytes > most_bytes)
     throw Error(ErrorKind::damaged_store, pack.name() + ": a chunk is larger than it can be");
-  std::vector<std::byte> stored;
-  pack.read(chunk, kind, stored);
-  std::vector<std::byte> raw(chunk.raw_bytes);
-  compressor.decompress(stored, raw);
+  const StoredChunk stored = pack.read(chunk, kind);
+  UnsetBytes raw(chunk.raw_bytes);
+  compressor.decompress(stored.payload(), raw);
   return raw;
 }
 

@@ -264,16 +264,14 @@ void PackReader::check_ref(const ChunkRef& ref) const {
   }
 }
 
-void PackReader::read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte>& stored) const {
+StoredChunk PackReader::read(const ChunkRef& ref, ChunkKind kind) const {
   check_ref(ref);
-  // One read for header, payload and padding, since each costs a system call; the header is cut off
-  // again once all is checked.
-  stored.resize(chunk_file_bytes(ref.stored_bytes));
-  read_raw(ref.offset, stored);
-  if (const char* what = wrong_with(stored, ref, kind, key_)) damaged(ref.offset, what);
-  const auto payload = stored.begin() + static_cast<std::ptrdiff_t>(kChunkHeaderBytes);
-  stored.erase(stored.begin(), payload);
-  stored.resize(ref.stored_bytes);
+  // One read for header, payload and padding, since each costs a system call.
+  UnsetBytes chunk(chunk_file_bytes(ref.stored_bytes));
+  read_raw(ref.offset, chunk);
+  if (const char* what = wrong_with(chunk, ref, kind, key_)) damaged(ref.offset, what);
+  const std::span<const std::byte> payload(chunk.data() + kChunkHeaderBytes, ref.stored_bytes);
+  return {std::move(chunk), payload};
 }
 
 std::uint64_t PackReader::verify() const {
@@ -282,7 +280,6 @@ std::uint64_t PackReader::verify() const {
   std::uint64_t at = kPackHeaderBytes;
   std::uint64_t count = 0;
   bool directory_seen = false;
-  std::vector<std::byte> stored;
   while (at < end) {
     if (end - at < kChunkHeaderBytes) damaged(at, "no chunk fits here");
     std::array<std::byte, kChunkHeaderBytes> header{};
@@ -290,7 +287,7 @@ std::uint64_t PackReader::verify() const {
     const std::uint32_t kind = get_u32(header.data() + 4);
     if (kind < 1 || kind > 5) damaged(at, fmt::format("{} is not a known kind of chunk", kind));
     const ChunkRef ref{at, get_u32(header.data() + 12), get_u32(header.data() + 8)};
-    read(ref, static_cast<ChunkKind>(kind), stored);
+    read(ref, static_cast<ChunkKind>(kind));
     directory_seen |= ref == directory_;
     at += chunk_file_bytes(ref.stored_bytes);
     ++count;

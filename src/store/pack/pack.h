@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "core/bytes.h"
 #include "core/file.h"
 #include "core/hash.h"
 #include "pounce/error.h"
@@ -103,6 +104,20 @@ class PackWriter {
   std::vector<std::byte> chunk_;  ///< one chunk as it goes to the file, reused
 };
 
+/// What a chunk stores, as it was read.
+class StoredChunk {
+ public:
+  StoredChunk() = default;
+  /// `chunk`: with its header, and padding behind.
+  StoredChunk(UnsetBytes chunk, std::span<const std::byte> payload)
+      : chunk_(std::move(chunk)), payload_(payload) {}
+  std::span<const std::byte> payload() const { return payload_; }
+
+ private:
+  UnsetBytes chunk_;
+  std::span<const std::byte> payload_;
+};
+
 /// Reads a finished pack. read() is thread-safe. A wrong magic, version, kind, key, size or
 /// checksum throws Error(damaged_store) that names the file, the offset and what did not match.
 class PackReader {
@@ -111,10 +126,9 @@ class PackReader {
   /// Of a pack that is being written: reads what was appended so far. It has no directory.
   PackReader(const PackWriter& writer, std::string name);
   ChunkRef directory() const { return directory_; }
-  /// Reads one chunk's stored payload into `stored` (exactly ref.stored_bytes) and checks its
-  /// header (kind, sizes, its own offset) and checksum. The header is read with the payload in one
-  /// pread.
-  void read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte>& stored) const;
+  /// Reads one chunk and checks its header (kind, sizes, its own offset) and checksum. The payload
+  /// has exactly ref.stored_bytes. The header is read with it in one pread.
+  StoredChunk read(const ChunkRef& ref, ChunkKind kind) const;
   /// Reads and checks every chunk from the header to the footer; returns how many there are.
   std::uint64_t verify() const;
   std::uint64_t size_bytes() const { return is_growing_ ? file_->size_bytes() : size_; }

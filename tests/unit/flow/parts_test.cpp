@@ -92,8 +92,8 @@ struct Fixture {
       const store::ChunkRef& chunk = page.blocks[0][b];
       REQUIRE((chunk.raw_bytes == 0) == (b == 4));
       if (b != 4)
-        REQUIRE(store::read_payload(*page.pack, chunk, store::ChunkKind::block, 1000,
-                                    job.context.compressor()) == raw_of(b));
+        REQUIRE(test::bytes_of(store::read_payload(*page.pack, chunk, store::ChunkKind::block, 1000,
+                                                   job.context.compressor())) == raw_of(b));
     }
   }
   std::size_t parts() { return job.files->list("/job/parts").size(); }

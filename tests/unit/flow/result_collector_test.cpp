@@ -64,8 +64,8 @@ TEST_CASE("results are found at their blocks' places, whatever order they came i
   const auto value_at = [&](std::size_t c, std::size_t slot) -> unsigned {
     const store::ChunkRef& chunk = page.blocks[c][slot];
     if (chunk.raw_bytes == 0) return 0;
-    const Bytes raw = store::read_payload(*page.pack, chunk, store::ChunkKind::block, 1000,
-                                          job.context.compressor());
+    const Bytes raw = test::bytes_of(store::read_payload(*page.pack, chunk, store::ChunkKind::block,
+                                                         1000, job.context.compressor()));
     REQUIRE(raw == raw_of(std::to_integer<unsigned>(raw.at(0))));
     return std::to_integer<unsigned>(raw[0]);
   };

@@ -106,8 +106,9 @@ struct Fixture {
         const store::ChunkRef& chunk = page.blocks[0][slot];
         REQUIRE((chunk.raw_bytes == 0) == (block.value == 0));
         if (block.value == 0) continue;
-        REQUIRE(store::read_payload(*page.pack, chunk, store::ChunkKind::block, 1000,
-                                    job.context.compressor()) == raw_of(block.value));
+        REQUIRE(test::bytes_of(store::read_payload(*page.pack, chunk, store::ChunkKind::block, 1000,
+                                                   job.context.compressor())) ==
+                raw_of(block.value));
       }
     }
     results.forget();

@@ -15,7 +15,7 @@ namespace {
 /// Packets whose lanes hold what a test says, the rest unused.
 struct Packets {
   PageVector<TexelPacket> texels;
-  PageVector<HitPacket> hits;
+  UnsetPageVector<HitPacket> hits;
 
   void add() {
     TexelPacket& packet = texels.emplace_back(TexelPacket{});
@@ -65,7 +65,8 @@ struct Read {
   }
 };
 
-std::vector<Read> read(const PageVector<TexelPacket>& texels, const PageVector<HitPacket>& hits,
+std::vector<Read> read(const PageVector<TexelPacket>& texels,
+                       const UnsetPageVector<HitPacket>& hits,
                        const std::vector<surface::TexelAxes>& axes) {
   std::vector<Read> out;
   for (std::size_t p = 0; p < texels.size(); ++p) {

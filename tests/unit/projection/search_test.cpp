@@ -46,8 +46,8 @@ Scene random_scene(Random& random) {
 }
 
 /// The definition: the best of all facets, whatever is where.
-PageVector<HitPacket> brute_force(const Scene& scene) {
-  PageVector<HitPacket> hits(scene.packets.size());
+UnsetPageVector<HitPacket> brute_force(const Scene& scene) {
+  UnsetPageVector<HitPacket> hits(scene.packets.size());
   for (std::size_t p = 0; p < hits.size(); ++p) {
     clear(hits[p]);
     for (const surface::SourceBlock& block : scene.blocks) {
@@ -60,8 +60,8 @@ PageVector<HitPacket> brute_force(const Scene& scene) {
 
 /// The search at these heights, with the source in random batches of blocks, in any order, some
 /// twice.
-PageVector<HitPacket> search(const Scene& scene, const std::vector<float>& heights,
-                             Random& random) {
+UnsetPageVector<HitPacket> search(const Scene& scene, const std::vector<float>& heights,
+                                  Random& random) {
   SearchState state;
   state.packets = scene.packets;
   state.groups = scene.groups;
@@ -92,13 +92,15 @@ PageVector<HitPacket> search(const Scene& scene, const std::vector<float>& heigh
 }
 
 /// Lanes of which the two say different things.
-std::size_t differences(const PageVector<HitPacket>& a, const PageVector<HitPacket>& b) {
+std::size_t differences(const UnsetPageVector<HitPacket>& a, const UnsetPageVector<HitPacket>& b) {
   std::size_t count = 0;
   for (std::size_t p = 0; p < a.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
+      const bool is_hit = a[p].key[lane] != kNoHit;
       count += a[p].key[lane] != b[p].key[lane] || a[p].id[lane] != b[p].id[lane] ||
-               a[p].base_x[lane] != b[p].base_x[lane] || a[p].frac_x[lane] != b[p].frac_x[lane] ||
-               a[p].frac_y[lane] != b[p].frac_y[lane] || a[p].page[lane] != b[p].page[lane];
+               (is_hit &&
+                (a[p].base_x[lane] != b[p].base_x[lane] || a[p].frac_x[lane] != b[p].frac_x[lane] ||
+                 a[p].frac_y[lane] != b[p].frac_y[lane] || a[p].page[lane] != b[p].page[lane]));
     }
   }
   return count;
