@@ -36,8 +36,6 @@ constexpr float kSpread = 16.0F;        // texel edges beyond which texels are o
 constexpr std::uint32_t kWindows = 64;  // of a block
 constexpr std::size_t kOwnGroup = 48;   // texels of a window that lie together: enough for a group
 constexpr int kMostClusters = 4;  // per window; what is left then shares packets, however far apart
-// Enough for the own side of an edge to win against rounding, which is worth a few steps.
-constexpr float kInsetSteps = 32;
 constexpr double kLargestInset = 1.0 / 16;  // texels: never enough to be seen
 
 struct Gradients {
@@ -82,12 +80,6 @@ bool gradients(const store::GeometryBlock& block, const mesh::Lattice& lattice,
   return true;
 }
 
-template <class Four>
-bool any_negative(Four v) {
-  // Sign bits, so -0 counts as negative. A start that is moved for it moves by nothing.
-  return __builtin_ia32_movmskps(v) != 0;
-}
-
 /// Two to four times the largest coordinate of a triangle's corners. Not so small that what is
 /// divided by its step would be infinite.
 float coarseness_of(const store::GeometryBlock& block, std::size_t triangle) {
@@ -97,13 +89,6 @@ float coarseness_of(const store::GeometryBlock& block, std::size_t triangle) {
     largest = std::max({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
   }
   return std::ldexp(1.0F, std::clamp(std::ilogb(largest), -100, 124) + 2);
-}
-
-/// Moves a coordinate by the whole steps nearest to `steps`: exact, and so is the way back.
-void move(float steps, float step, float& coordinate, std::int8_t& moved) {
-  const float whole = std::floor(std::clamp(steps, -127.0F, 127.0F) + 0.5F);
-  moved = static_cast<std::int8_t>(whole);
-  coordinate += whole * step;
 }
 
 }  // namespace
@@ -161,11 +146,6 @@ TargetBlock::Edges TargetBlock::make_edges(const std::array<Vec2d, 3>& t, Vec2d 
   return out;
 }
 
-float TargetBlock::start_of(std::uint16_t triangle, float coarseness) const {
-  return std::min(kInsetSteps * kStepShare * coarseness * triangles_[triangle].per_texel,
-                  edges_[triangle].most);
-}
-
 /// The largest of these texels' owners'.
 float TargetBlock::coarseness(const std::uint16_t* texels, std::size_t count) const {
   float largest = 0;
@@ -203,14 +183,39 @@ struct TargetBlock::Window {
   bool one_triangle = true;
 };
 
+/// The texels of the first window, in packet order.
+constexpr std::array<std::uint16_t, kWindow* kWindow> kWindowTexels = [] {
+  std::array<std::uint16_t, kWindow * kWindow> texels{};
+  for (unsigned i = 0; i < texels.size(); ++i) {
+    const unsigned quarter = i / 16, inside = i % 16;
+    const unsigned x = quarter % 2 * kHalfWindow + inside % kHalfWindow;
+    const unsigned y = quarter / 2 * kHalfWindow + inside / kHalfWindow;
+    texels[i] = static_cast<std::uint16_t>(y * mesh::kBlockEdge + x);
+  }
+  return texels;
+}();
+
 TargetBlock::Window TargetBlock::window(std::uint32_t index) const {
   Window window;
-  const std::uint32_t wx = index % 8 * kWindow, wy = index / 8 * kWindow;
-  for (std::uint32_t i = 0; i < kWindow * kWindow; ++i) {
-    const std::uint32_t quarter = i / 16, inside = i % 16;
-    const std::uint32_t x = wx + quarter % 2 * kHalfWindow + inside % 4;
-    const std::uint32_t y = wy + quarter / 2 * kHalfWindow + inside / 4;
-    const std::uint32_t at = y * mesh::kBlockEdge + x;
+  const std::uint32_t origin = index / 8 * kWindow * mesh::kBlockEdge + index % 8 * kWindow;
+  // Mostly all of it is covered: rows at once, in loops that become vectors.
+  std::uint16_t others = 0, empty = 0;
+  for (std::uint32_t y = 0; y < kWindow; ++y) {
+    const std::uint16_t* const row = &owner_[origin + y * mesh::kBlockEdge];
+    for (std::uint32_t x = 0; x < kWindow; ++x) {
+      others = static_cast<std::uint16_t>(others | (row[x] ^ owner_[origin]));
+      empty = static_cast<std::uint16_t>(empty | (row[x] == store::kNoTriangle ? 1 : 0));
+    }
+  }
+  if (empty == 0) {
+    for (std::size_t i = 0; i < kWindowTexels.size(); ++i)
+      window.texels[i] = static_cast<std::uint16_t>(origin + kWindowTexels[i]);
+    window.count = kWindowTexels.size();
+    window.one_triangle = others == 0 && !has_records();
+    return window;
+  }
+  for (const std::uint16_t inside : kWindowTexels) {
+    const std::uint32_t at = origin + inside;
     if (!covered(at)) continue;
     window.texels[window.count++] = static_cast<std::uint16_t>(at);
     window.one_triangle =
@@ -236,120 +241,6 @@ bool TargetBlock::is_deep(const Window& window) const {
     }
   }
   return true;
-}
-
-Vec3f TargetBlock::way_inside(std::uint16_t triangle, Four beyond) const {
-  const Edges& edges = edges_[triangle];
-  const Affine& a = triangles_[triangle];
-  // For each edge that is too near, along its inward normal by what is lacking. Near a corner the
-  // ways of two edges add up.
-  float x = 0, y = 0;  // into the triangle, in texels
-  for (int k = 0; k < 3; ++k) {
-    const float lacking = std::max(-beyond[k], 0.0F);
-    x += edges.x[k] * lacking;
-    y += edges.y[k] * lacking;
-  }
-  return a.pu * x + a.pv * y;
-}
-
-/// Moves the start of a ray that is nearer to an edge of its owner than the inset away from it.
-void TargetBlock::move_start(std::size_t lane, Four beyond, TexelPacket& packet) const {
-  const float step = step_of(packet);
-  const Vec3f way = way_inside(owner_[packet.texel[lane]], beyond) * (1 / step);
-  if (!std::isfinite(way.x + way.y + way.z)) return;  // no area in the image to speak of
-  move(way.x, step, packet.px[lane], packet.inset_x[lane]);
-  move(way.y, step, packet.py[lane], packet.inset_y[lane]);
-  move(way.z, step, packet.pz[lane], packet.inset_z[lane]);
-  packet.is_inset = true;
-}
-
-void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
-                       TexelPacket& packet) const {
-  if (has_records()) return fill_records(texels, count, packet);
-  // One coarseness for all lanes, that of the coarsest owner: kernels compare sixteen keys at once.
-  packet.coarseness = coarseness(texels, count);
-  if (is_deep && is_of_one(texels, count)) {
-    fill_deep(texels, count, packet);
-    return make_unit(packet);
-  }
-  for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    const bool used = lane < count;
-    // Unused lanes repeat lane 0's start, so they widen no bound, with a zero normal, which faces
-    // nothing.
-    const std::uint32_t at = texels[used ? lane : 0];
-    const Affine& a = triangles_[owner_[at]];
-    const float dx = static_cast<float>(at % mesh::kBlockEdge) - a.x;
-    const float dy = static_cast<float>(at / mesh::kBlockEdge) - a.y;
-    packet.px[lane] = a.p.x + (a.pu.x * dx + a.pv.x * dy);
-    packet.py[lane] = a.p.y + (a.pu.y * dx + a.pv.y * dy);
-    packet.pz[lane] = a.p.z + (a.pu.z * dx + a.pv.z * dy);
-    packet.nx[lane] = used ? a.n.x + (a.nu.x * dx + a.nv.x * dy) : 0;
-    packet.ny[lane] = used ? a.n.y + (a.nu.y * dx + a.nv.y * dy) : 0;
-    packet.nz[lane] = used ? a.n.z + (a.nu.z * dx + a.nv.z * dy) : 0;
-    packet.per_texel[lane] = a.per_texel;
-    packet.texel[lane] = used ? texels[lane] : kNoTexel;
-    packet.owner[lane] = owner_[at];
-    if (is_deep) continue;
-    if (!used) {  // where lane 0 starts
-      packet.px[lane] = packet.px[0];
-      packet.py[lane] = packet.py[0];
-      packet.pz[lane] = packet.pz[0];
-      continue;
-    }
-    const std::uint16_t owner = owner_[at];
-    const Four beyond = edges_[owner].beyond(dx, dy, start_of(owner, packet.coarseness));
-    if (any_negative(beyond)) move_start(lane, beyond, packet);
-  }
-  make_unit(packet);
-}
-
-bool TargetBlock::is_of_one(const std::uint16_t* texels, std::size_t count) const {
-  return std::all_of(texels, texels + count,
-                     [&](std::uint16_t texel) { return owner_[texel] == owner_[texels[0]]; });
-}
-
-/// The same of texels deep inside of one triangle, in loops that become vectors.
-void TargetBlock::fill_deep(const std::uint16_t* texels, std::size_t count,
-                            TexelPacket& packet) const {
-  const std::uint16_t owner = owner_[texels[0]];
-  const Affine a = triangles_[owner];
-  float dx[kLanes], dy[kLanes];
-  for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    const bool used = lane < count;
-    const std::uint32_t at = texels[used ? lane : 0];
-    dx[lane] = static_cast<float>(at % mesh::kBlockEdge) - a.x;
-    dy[lane] = static_cast<float>(at / mesh::kBlockEdge) - a.y;
-    packet.texel[lane] = used ? texels[lane] : kNoTexel;
-    packet.owner[lane] = owner;
-    packet.per_texel[lane] = a.per_texel;
-  }
-  const auto put = [&](float at, float along_x, float along_y, float(&out)[kLanes]) {
-    for (std::size_t lane = 0; lane < kLanes; ++lane)
-      out[lane] = at + (along_x * dx[lane] + along_y * dy[lane]);
-  };
-  put(a.p.x, a.pu.x, a.pv.x, packet.px);
-  put(a.p.y, a.pu.y, a.pv.y, packet.py);
-  put(a.p.z, a.pu.z, a.pv.z, packet.pz);
-  put(a.n.x, a.nu.x, a.nv.x, packet.nx);
-  put(a.n.y, a.nu.y, a.nv.y, packet.ny);
-  put(a.n.z, a.nu.z, a.nv.z, packet.nz);
-  for (std::size_t lane = count; lane < kLanes; ++lane)
-    packet.nx[lane] = packet.ny[lane] = packet.nz[lane] = 0;
-}
-
-/// Lane by lane as in texel(), in loops that become vectors.
-void TargetBlock::make_unit(TexelPacket& packet) {
-  float scale[kLanes];
-  for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    const float squared = packet.nx[lane] * packet.nx[lane] + packet.ny[lane] * packet.ny[lane] +
-                          packet.nz[lane] * packet.nz[lane];
-    scale[lane] = squared > 0 ? 1.0F / std::sqrt(squared) : 0.0F;
-  }
-  for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    packet.nx[lane] *= scale[lane];
-    packet.ny[lane] *= scale[lane];
-    packet.nz[lane] *= scale[lane];
-  }
 }
 
 void TargetBlock::add_group(std::span<const std::uint16_t> texels, bool is_deep,

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <optional>
 #include <span>
 #include <vector>
@@ -111,13 +112,25 @@ class TargetBlock {
     Texel map;
     std::array<std::int8_t, 3> inset{};
   };
+  using Four = float __attribute__((vector_size(16)));
   struct Affine {
     Vec3f p, pu, pv, n, nu, nv;
     float x = 0, y = 0;  ///< anchor, in texels of the block
     float per_texel = 0;
     float coarseness = 0;  ///< see TexelPacket
+    /// One of the vectors, and what lies behind it.
+    Four four(Vec3f Affine::*vector) const {
+      Four out;
+      std::memcpy(&out, static_cast<const void*>(&(this->*vector)), sizeof out);
+      return out;
+    }
   };
-  using Four = float __attribute__((vector_size(16)));
+  /// By sign bits, so -0 counts as negative. A start that is moved for it moves by nothing.
+  static bool any_negative(Four v) {
+    std::array<std::int32_t, 4> bits;
+    std::memcpy(bits.data(), &v, sizeof bits);
+    return (bits[0] | bits[1] | bits[2] | bits[3]) < 0;
+  }
   /// A triangle's edges in the image, each as an affine function: how far inside of it a texel
   /// lies, in texels. The fourth is always inside.
   struct Edges {
@@ -153,6 +166,7 @@ class TargetBlock {
   void fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
             TexelPacket& packet) const;
   bool is_of_one(const std::uint16_t* texels, std::size_t count) const;
+  void move_starts(std::size_t count, TexelPacket& packet) const;
   void fill_deep(const std::uint16_t* texels, std::size_t count, TexelPacket& packet) const;
   static void make_unit(TexelPacket& packet);
   void move_start(std::size_t lane, Four beyond, TexelPacket& packet) const;
