@@ -99,6 +99,9 @@ struct BlendLanes {
   /// that have so many, around these places.
   void (*place)(const LookupsLanes& set, const LookedUp& in, const Vec2Lanes& middles, int a, int b,
                 unsigned lanes, PlacesLanes& out);
+  /// The places of one lookup for each hit in `lanes`, in an image of the size that hits are
+  /// counted on: placed() there.
+  void (*place_hits)(const HitPacket& hit, const LookedUp& in, unsigned lanes, PlacesLanes& out);
   /// The weights of lookups at `places`. `keys` is the kernel's a, or kTent. Null: no sharpening,
   /// else that of each lane; of tents there is none.
   void (*weigh)(const PlacesLanes& places, double keys, const FootprintLookupsLanes* sharpening,
@@ -131,16 +134,44 @@ void for_each_lane(unsigned lanes, Visit&& visit) {
   for (; lanes != 0; lanes &= lanes - 1) visit(static_cast<std::size_t>(std::countr_zero(lanes)));
 }
 
+/// A lane's bit, by lane: loops over all lanes that use it become vector code.
+inline constexpr Sixteen<std::uint32_t> kLaneBit = [] {
+  Sixteen<std::uint32_t> bits{};
+  for (std::size_t lane = 0; lane < bits.size(); ++lane) bits[lane] = 1U << lane;
+  return bits;
+}();
+
+/// The lanes that hold `value`.
+template <class T>
+unsigned lanes_with(const Sixteen<T>& values, T value) {
+  unsigned lanes = 0;
+  for (std::size_t lane = 0; lane < values.size(); ++lane)
+    lanes |= values[lane] == value ? kLaneBit[lane] : 0;
+  return lanes;
+}
+
+/// Replaces what `lanes` hold by what they have in `by`.
+template <class T>
+void replace(unsigned lanes, const Sixteen<T>& by, Sixteen<T>& values) {
+  for (std::size_t lane = 0; lane < values.size(); ++lane)
+    values[lane] = (lanes & kLaneBit[lane]) != 0 ? by[lane] : values[lane];
+}
+
+/// The largest of what `lanes` hold, which is not negative.
+inline std::int32_t largest(unsigned lanes, const Sixteen<std::int32_t>& values) {
+  std::int32_t most = 0;
+  for (std::size_t lane = 0; lane < values.size(); ++lane)
+    most = std::max(most, (lanes & kLaneBit[lane]) != 0 ? values[lane] : 0);
+  return most;
+}
+
 /// blend(tile, share, lanes) for each tile that active lanes of `places` lie in; tile_at(x, y)
 /// gives its samples, until the next is asked for. The share of the other lanes is 0.
 template <class TileAt, class Blend>
 void for_each_tile(const PlacesLanes& places, TileAt&& tile_at, Blend&& blend) {
   for (unsigned left = places.active; left != 0;) {
     const std::int32_t tile = places.tile[static_cast<std::size_t>(std::countr_zero(left))];
-    unsigned same = 0;
-    for (std::size_t lane = 0; lane < places.tile.size(); ++lane)
-      same |= static_cast<unsigned>(places.tile[lane] == tile) << lane;
-    same &= left;
+    const unsigned same = lanes_with(places.tile, tile) & left;
     left &= ~same;
     const std::byte* const samples =
         tile_at(static_cast<std::uint32_t>(tile & 0xFFFF), static_cast<std::uint32_t>(tile >> 16));
@@ -149,7 +180,7 @@ void for_each_tile(const PlacesLanes& places, TileAt&& tile_at, Blend&& blend) {
       continue;
     }
     alignas(64) Sixteen<double> share{};
-    for_each_lane(same, [&](std::size_t lane) { share[lane] = places.share[lane]; });
+    replace(same, places.share, share);
     blend(samples, share, same);
   }
 }
@@ -161,11 +192,7 @@ void for_each_lookup(const BlendLanes& kernels, double keys, const LookupsLanes&
                      const FootprintLookupsLanes* sharpening, const LookedUp& in,
                      const Vec2Lanes& middles, unsigned lanes, PlacesLanes& places,
                      WeightsLanes& weights, Visit&& visit) {
-  std::int32_t count_a = 0, count_b = 0;
-  for_each_lane(lanes, [&](std::size_t lane) {
-    count_a = std::max(count_a, set.count_a[lane]);
-    count_b = std::max(count_b, set.count_b[lane]);
-  });
+  const std::int32_t count_a = largest(lanes, set.count_a), count_b = largest(lanes, set.count_b);
   for (std::int32_t a = 0; a < count_a; ++a) {
     for (std::int32_t b = 0; b < count_b; ++b) {
       kernels.place(set, in, middles, a, b, lanes, places);

@@ -10,7 +10,8 @@
 //   a row's sum              bytes times weights in 16 bits, in two parts: high x 64 + low
 //   the sum of rows          doubles: below 2^53 they hold the integers of blend.cpp exactly, so
 //                            that neither order nor type matters
-//   the mean                 doubles, in the order of lookups
+//   the mean                 doubles, in the order of lookups; its quotients by 255 are rounded as
+//                            divisions are (by_255())
 //
 // Other depths than bytes: deep_lanes.inl.
 //
@@ -60,6 +61,10 @@ void footprints(const HitPacket& hit, const AxesLanes& axes, const Vec2Lanes& sc
   }
 }
 
+inline unsigned any_above_zero(const Doubles& a) {
+  return bits_of_group(truncated(where_less(doubles(0), a, doubles(1), doubles(0))));
+}
+
 /// One side's lookups.
 struct Side {
   Doubles step_x, step_y, count;
@@ -68,15 +73,17 @@ struct Side {
 /// As spread() in footprint.cpp.
 inline Side spread(const Doubles& x, const Doubles& y, const Doubles& texel) {
   const Doubles length2 = x * x + y * y, own = kExact * texel, own2 = own * own;
+  const Doubles zero = doubles(0), one = doubles(1);
+  // Square roots and quotients take longer than all else here.
+  if (any_above_zero(where_less(own2, length2, one, zero)) == 0) return {zero, zero, one};
   const Doubles width = square_root(length2 - own2);
   const Doubles wanted = lesser(width / (kSpacing * texel), doubles(kMostLookups));
   const Doubles below = doubles_of(truncated(wanted));
   const Doubles above = where_less(below, wanted, below + 1.0, below);
   const Doubles count = greater(above, doubles(2));
   const Doubles scale = width / square_root(length2 * (count * count - 1.0));
-  return {where_less(own2, length2, x * scale, doubles(0)),
-          where_less(own2, length2, y * scale, doubles(0)),
-          where_less(own2, length2, count, doubles(1))};
+  return {where_less(own2, length2, x * scale, zero), where_less(own2, length2, y * scale, zero),
+          where_less(own2, length2, count, one)};
 }
 
 /// As lookups_at(); returns the number of lookups.
@@ -103,10 +110,6 @@ inline IntRegister sharpening(const Doubles& a, const Doubles& b) {
   return truncated(where_less(doubles(0), finer, steps, doubles(0)));
 }
 
-inline unsigned any_above_zero(const Doubles& a) {
-  return bits_of_group(truncated(where_less(doubles(0), a, doubles(1), doubles(0))));
-}
-
 /// As lookups_of(), for the group from lane `first` on.
 void lookups_of_group(const FootprintLanes& footprints, const Sixteen<std::int32_t>& last_level,
                       std::size_t first, FootprintLookupsLanes& out) {
@@ -121,6 +124,12 @@ void lookups_of_group(const FootprintLanes& footprints, const Sixteen<std::int32
       aa, most,
       where_less(bb, most, where_less(doubles(kExact * kExact), greater(aa, bb), one, zero), zero),
       zero);
+  constexpr unsigned kAll = (1U << kGroup) - 1;
+  if (any_above_zero(is_wide) == 0) {
+    lookups_at(zero, zero, zero, zero, zero, one, one, first, out.sets[0]);
+    out.single |= kAll << first;
+    return;
+  }
   // What is not, is one lookup: as a footprint without sides is.
   ax = where_less(zero, is_wide, ax, zero);
   ay = where_less(zero, is_wide, ay, zero);
@@ -149,7 +158,6 @@ void lookups_of_group(const FootprintLanes& footprints, const Sixteen<std::int32
   const Doubles count = lookups_at(ax, ay, bx, by, level, texel, 1.0 - next, first, out.sets[0]);
   const unsigned several = any_above_zero(count - 1.0);
   if (two != 0) lookups_at(ax, ay, bx, by, level + 1.0, texel * 2.0, next, first, out.sets[1]);
-  constexpr unsigned kAll = (1U << kGroup) - 1;
   out.two |= two << first;
   out.single |= (kAll & ~two & ~several) << first;
 }
@@ -161,68 +169,8 @@ void lookups(const FootprintLanes& footprints, const Sixteen<std::int32_t>& last
     lookups_of_group(footprints, last_level, first, out);
 }
 
-// --- places --------------------------------------------------------------------------------------
-
-/// Where along one axis.
-struct Place {
-  IntRegister texel, inside;
-  Doubles at, rest;
-};
-
-inline Place place_along(Doubles at, std::uint32_t size, std::uint32_t level_size) {
-  if (size != level_size) at = (at + 0.5) * static_cast<double>(level_size) / doubles(size) - 0.5;
-  Place out;
-  const Doubles to_zero = doubles_of(truncated(at));
-  const Doubles whole = where_less(at, to_zero, to_zero - 1.0, to_zero);
-  out.at = at;
-  out.texel = truncated(whole);
-  out.rest = at - whole;
-  const Doubles zero = doubles(0), one = doubles(1);
-  out.inside = truncated(where_less(
-                   at, doubles(level_size),
-                   where_less(at, zero, zero, where_less(zero - 1.0, at, one, zero)), zero)) != 0;
-  return out;
-}
-
-void place(const LookupsLanes& set, const LookedUp& in, const Vec2Lanes& middles, int a, int b,
-           unsigned lanes, PlacesLanes& out) {
-  out.active = out.outside = 0;
-  for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    const IntRegister count_a = load_ints(set.count_a.data() + first),
-                      count_b = load_ints(set.count_b.data() + first);
-    const IntRegister active =
-        lanes_of(lanes >> first) & (IntRegister)(count_a > a) & (IntRegister)(count_b > b);
-    const Doubles i = static_cast<double>(a) - 0.5 * (doubles_of(count_a) - 1.0),
-                  j = static_cast<double>(b) - 0.5 * (doubles_of(count_b) - 1.0);
-    const auto along = [&](const Sixteen<double>& middle, const Sixteen<double>& step_a,
-                           const Sixteen<double>& step_b) {
-      return load(middle.data() + first) +
-             (i * load(step_a.data() + first) + j * load(step_b.data() + first));
-    };
-    const Place x =
-        place_along(along(middles.x, set.step_ax, set.step_bx), in.width, in.level_width);
-    const Place y =
-        place_along(along(middles.y, set.step_ay, set.step_by), in.height, in.level_height);
-    const IntRegister inside = active & x.inside & y.inside;
-    const IntRegister column = x.texel & inside, row = y.texel & inside;
-    constexpr std::int32_t kShift = 6, kWithin = mesh::kBlockEdge - 1;
-    static_assert(mesh::kBlockEdge == 1 << kShift);
-    constexpr std::int32_t kFirst = store::kApron - 1;  // of the four, in the tile
-    store(out.x.data() + first, x.at);
-    store(out.y.data() + first, y.at);
-    store(out.rest_x.data() + first, x.rest);
-    store(out.rest_y.data() + first, y.rest);
-    store_register(out.tile.data() + first, ((row >> kShift) << 16) | (column >> kShift));
-    store_register(out.offset.data() + first, ((row & kWithin) + kFirst) * store::kColourTileEdge +
-                                                  (column & kWithin) + kFirst);
-    const Doubles is_active = doubles_of(active & 1);
-    store(out.share.data() + first,
-          where_less(doubles(0), is_active, load(set.share.data() + first), doubles(0)));
-    out.active |= bits_of_group(active) << first;
-    out.outside |= bits_of_group(active & ~inside) << first;
-  }
-}
-
+#include "projection/place_lanes.inl"
+//
 #include "projection/weight_lanes.inl"
 
 /// Where the runs of a group's lanes begin.
@@ -425,7 +373,7 @@ void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const Weights
     const Doubles by = load(share.data() + first);
     for (std::size_t c = 0; c < kChannels; ++c) {
       double* const mean = means[c].data() + first;
-      store(mean, load(mean) + by * (sums[c] * kPerSquare / 255.0));
+      store(mean, load(mean) + by * by_255(sums[c] * kPerSquare));
     }
   }
 }
@@ -487,6 +435,7 @@ const BlendLanes kBlendLanes{POUNCE_ISA_NAME,
                              footprints,
                              lookups,
                              place,
+                             place_hits,
                              weigh,
                              {{{add_u8<1>, add_u8<2>, add_u8<3>, add_u8<4>},
                                kAddDeep<Depth::u16>,

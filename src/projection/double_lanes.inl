@@ -92,6 +92,22 @@ inline Doubles square_root(const Doubles& a) {
 }
 #undef POUNCE_PD
 #undef POUNCE_RD
+/// a / 255 of what is neither tiny nor huge, to the last bit.
+inline Doubles by_255(const Doubles& a) {
+#if defined(__AVX512DQ__)
+  // The product with the rounded inverse is off by less than its last place, so one step of
+  // Newton's with its exact remainder rounds as the quotient does (P. Markstein, IBM J. Res. Dev.
+  // 34, 1990), in a third of the time.
+  const auto divided = [](DoubleRegister x) {
+    const __m512d inverse = _mm512_set1_pd(1.0 / 255), by = _mm512_set1_pd(255);
+    const __m512d near = _mm512_mul_pd((__m512d)x, inverse);
+    return (DoubleRegister)_mm512_fmadd_pd(_mm512_fnmadd_pd(near, by, (__m512d)x), inverse, near);
+  };
+  return {divided(a.low), divided(a.high)};
+#else
+  return a / 255.0;
+#endif
+}
 inline Doubles absolute(const Doubles& a) { return greater(a, 0.0 - a); }
 
 #if defined(__AVX512DQ__)

@@ -172,10 +172,37 @@ class BlockShading {
     ColourWindow& window() const { return blend.window(member); }
   };
 
+  static constexpr unsigned kRow = 4, kRows = surface::kLanes / kRow;
+
+  /// Are a packet's texels rows of a block, four in each, as in the middle of a chart?
+  static bool are_rows(const surface::TexelPacket& texels) {
+    unsigned differs = 0;
+    for (unsigned row = 0; row < kRows; ++row) {
+      const std::uint16_t* const at = texels.texel + row * kRow;
+      differs |= at[0] % kRow;
+      for (unsigned i = 1; i < kRow; ++i) differs |= at[i] ^ (at[0] + i);
+    }
+    return differs == 0;
+  }
+
   /// Those of `lanes` that were rounded to up to four channels of 8 bits.
   template <std::size_t texel_bytes>
   static void copy_texels(const Packet& packet, unsigned lanes, shading::ResultBlock& result) {
     std::byte* const to = result.texels.data();
+    if (lanes == 0xFFFF && are_rows(packet.texels())) {
+      for (unsigned row = 0; row < kRows; ++row) {
+        const std::uint16_t first = packet.texels().texel[row * kRow];
+        for (unsigned i = 0; i < kRow; ++i) {
+          // Whole words as far as the row goes: the next texel overwrites what is too much.
+          const int lane = static_cast<int>(row * kRow + i);
+          std::memcpy(to + (first + i) * texel_bytes, packet.blend.texel(packet.member, lane),
+                      std::min<std::size_t>(4, (kRow - i) * texel_bytes));
+        }
+        result.mask[first / 8] =
+            static_cast<std::uint8_t>(result.mask[first / 8] | 0xFU << first % 8);
+      }
+      return;
+    }
     projection::for_each_lane(lanes, [&](std::size_t i) {
       const std::uint16_t texel = packet.texels().texel[i];
       std::memcpy(to + texel * texel_bytes, packet.blend.texel(packet.member, static_cast<int>(i)),

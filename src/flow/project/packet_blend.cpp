@@ -117,7 +117,7 @@ void PacketBlend::look_up(const projection::HitPacket& hit, const surface::Texel
   }
   for (Mask left = found; left != 0;) {
     const std::size_t first = first_of(left);
-    const Mask lanes = like(first, left);
+    const Mask lanes = only_page_ != kNoPage ? left : like(first, left);
     left &= ~lanes;
     choose_images(first, lanes);
     if (const Mask single = lanes & lookups_.single; single != 0) add_single(hit, single);
@@ -127,10 +127,7 @@ void PacketBlend::look_up(const projection::HitPacket& hit, const surface::Texel
       Mask several = lanes & ~lookups_.single & (s == 0 ? ~0U : lookups_.two);
       while (several != 0) {
         const std::int32_t number = lookups_.sets[s].level[first_of(several)];
-        Mask level = 0;
-        for_each_lane(several, [&](std::size_t i) {
-          if (lookups_.sets[s].level[i] == number) level |= 1U << i;
-        });
+        const Mask level = several & projection::lanes_with(lookups_.sets[s].level, number);
         add_set(s, static_cast<std::uint32_t>(number), level);
         several &= ~level;
       }
@@ -145,8 +142,50 @@ projection::Blended PacketBlend::samples(std::size_t c, int lane) const {
   return {means[0][i], means[1][i], means[2][i], means[3][i]};
 }
 
+/// Whether all hits are on one page that has one image; then finds where they look, if lanes may.
+bool PacketBlend::find_one_image(const projection::HitPacket& hit, Mask hits) {
+  const std::int32_t number = hit.page[first_of(hits)];
+  std::uint32_t others = 0;
+  for (std::size_t lane = 0; lane < surface::kLanes; ++lane)
+    others |= hit.page[lane] != number ? projection::kLaneBit[lane] : 0;
+  if ((others & hits) != 0) return false;
+  const LookupGroup::Page& of = group_.pages[static_cast<std::size_t>(number)];
+  if (!of.joins || of.page->column == nullptr) return false;
+  const store::ColourDirectory& image = of.page->column->store().directory();
+  if (only_page_ != number) {
+    only_page_ = number;
+    is_chosen_ = false;
+    const Vec2d scale = scale_of(of.page->lattice, image);
+    pages_.fill(number);
+    tiles_.fill({});
+    scales_.x.fill(scale.x);
+    scales_.y.fill(scale.y);
+    last_level_.fill(static_cast<std::int32_t>(shading::last_level(image)));
+  }
+  // As middle_of(), in loops that become vectors. The other lanes, of which nothing is known, at 0.
+  projection::Vec2Lanes at;
+  for (std::size_t lane = 0; lane < surface::kLanes; ++lane) {
+    const bool is_hit = (hits & projection::kLaneBit[lane]) != 0;
+    at.x[lane] =
+        static_cast<double>(is_hit ? hit.base_x[lane] : 0) + (is_hit ? hit.frac_x[lane] : 0.0F);
+    at.y[lane] =
+        static_cast<double>(is_hit ? hit.base_y[lane] : 0) + (is_hit ? hit.frac_y[lane] : 0.0F);
+  }
+  if (!is_of_size(image, of.page->lattice)) {
+    for (std::size_t lane = 0; lane < surface::kLanes; ++lane) {
+      at.x[lane] = (at.x[lane] + 0.5) * scales_.x[lane] - 0.5;
+      at.y[lane] = (at.y[lane] + 0.5) * scales_.y[lane] - 0.5;
+    }
+  }
+  middles_ = at;
+  return true;
+}
+
 /// The lanes whose images may be looked up together with others, and where they look.
 PacketBlend::Mask PacketBlend::find_images(const projection::HitPacket& hit, Mask hits) {
+  if (hits == 0) return 0;
+  if (find_one_image(hit, hits)) return hits;
+  only_page_ = kNoPage;
   Mask found = 0;
   // Neighbouring lanes mostly share an image: what is asked of it is asked once.
   std::int32_t page = -1, last_level = 0;
@@ -224,8 +263,15 @@ PacketBlend::Mask PacketBlend::like(std::size_t lane, Mask among) const {
 
 /// Each channel's image of such lanes.
 void PacketBlend::choose_images(std::size_t first, Mask lanes) {
+  const bool is_only = only_page_ != kNoPage;
   for (std::size_t c = 0; c < own_.size(); ++c) {
     Own& own = own_[c];
+    if (is_only && is_chosen_) {
+      if (own.image.column != nullptr) own.found = lanes;
+      if (own.keeps) own.kept = lanes;
+      continue;
+    }
+    own.keeps = false;
     const LookedUpChannel& channel = group_.channels[c];
     const PageColour& page = (*channel.pages)[static_cast<std::size_t>(pages_[first])];
     own.image = page.tile_set != nullptr ? image_in(*page.tile_set, tiles_[first]) : image_of(page);
@@ -233,7 +279,11 @@ void PacketBlend::choose_images(std::size_t first, Mask lanes) {
     const store::ColourDirectory& image = own.image.directory();
     directory_ = &image;
     own.add = lanes_.add[static_cast<std::size_t>(image.depth)][image.channels - 1];
-    for_each_lane(lanes, [&](std::size_t lane) { own.images[lane] = own.image; });
+    if (is_only) {
+      own.images.fill(own.image);
+    } else {
+      for_each_lane(lanes, [&](std::size_t lane) { own.images[lane] = own.image; });
+    }
     own.found |= lanes;
     // Where the output stores samples as the image holds them, one lookup is rounded from its
     // integer sum at once. A mean of several is a sum of doubles: it is rounded at the end, when
@@ -242,34 +292,50 @@ void PacketBlend::choose_images(std::size_t first, Mask lanes) {
                 channel.format.keeps(image);
     if (own.keeps) own.kept |= lanes;
   }
+  is_chosen_ = is_only;
 }
 
 const FootprintLookupsLanes* PacketBlend::sharpening(Mask lanes) const {
   // Null where no lane asks for it: kernels skip the work for the whole packet.
   std::int32_t any = 0;
-  for_each_lane(lanes,
-                [&](std::size_t lane) { any |= lookups_.across[lane] | lookups_.down[lane]; });
+  for (std::size_t lane = 0; lane < surface::kLanes; ++lane) {
+    any |=
+        (lanes & projection::kLaneBit[lane]) != 0 ? lookups_.across[lane] | lookups_.down[lane] : 0;
+  }
   return any != 0 ? &lookups_ : nullptr;
+}
+
+/// One lookup for each of the lanes, in the chosen images themselves.
+void PacketBlend::find_places(const PageColour& page, const projection::HitPacket& hit,
+                              Mask lanes) {
+  const store::ColourDirectory& image = *directory_;
+  const auto wrapped = [&](std::size_t lane) {
+    const Vec2d middle{middles_.x[lane], middles_.y[lane]};
+    return wrapped_in(image, page.lattice, place_of(hit, static_cast<int>(lane)), middle);
+  };
+  const auto set = [&](std::size_t lane, const auto& at) { places_.set_place(lane, at.x, at.y); };
+  if (page.column != nullptr && is_of_size(image, page.lattice)) {
+    lanes_.place_hits(hit, {image.width, image.height}, lanes, places_);
+    for_each_lane(places_.outside, [&](std::size_t lane) { set(lane, wrapped(lane)); });
+    return;
+  }
+  places_.offset.fill(0);
+  places_.share.fill(0);
+  places_.active = lanes;
+  for_each_lane(lanes, [&](std::size_t lane) {
+    if (page.column != nullptr) {
+      set(lane, wrapped(lane));
+    } else {
+      set(lane, image_at(page, place_of(hit, static_cast<int>(lane))));
+    }
+    places_.share[lane] = 1;
+  });
 }
 
 /// Adds lookups in the chosen images themselves, one for each of the lanes.
 void PacketBlend::add_single(const projection::HitPacket& hit, Mask lanes) {
-  places_.offset.fill(0);
-  places_.share.fill(0);
-  places_.active = lanes;
   const PageColour& page = *group_.pages[static_cast<std::size_t>(pages_[first_of(lanes)])].page;
-  for_each_lane(lanes, [&](std::size_t lane) {
-    const PagePlace place = place_of(hit, static_cast<int>(lane));
-    if (page.column != nullptr) {
-      const Vec2d middle{middles_.x[lane], middles_.y[lane]};
-      const WrappedPlace at = wrapped_in(*directory_, page.lattice, place, middle);
-      places_.set_place(lane, at.x, at.y);
-    } else {
-      const PageImage at = image_at(page, place);
-      places_.set_place(lane, at.x, at.y);
-    }
-    places_.share[lane] = 1;
-  });
+  find_places(page, hit, lanes);
   const bool floats = store::is_float(directory_->depth);
   if (floats) places_.settle();
   lanes_.weigh(places_, keys_, sharpening(lanes), weights_);
@@ -283,7 +349,7 @@ void PacketBlend::add_single(const projection::HitPacket& hit, Mask lanes) {
           if (!own.keeps) return own.add(tile, places_, weights_, share, own.means);
           alignas(64) Sixteen<std::uint32_t> rounded;
           lanes_.round_u8[image.channels - 1](tile, places_, weights_, rounded);
-          for_each_lane(same, [&](std::size_t lane) { own.texels[lane] = rounded[lane]; });
+          projection::replace(same, rounded, own.texels);
         });
     if (!floats) continue;
     // A 0 may have another sign than one lookup alone.
@@ -335,7 +401,7 @@ void PacketBlend::finish(std::size_t c) {
   if (means == 0) return;
   Sixteen<std::uint32_t> rounded;
   lanes_.round_means(own.means, group_.channels[c].format.channels, rounded);
-  for_each_lane(means, [&](std::size_t lane) { own.texels[lane] = rounded[lane]; });
+  projection::replace(means, rounded, own.texels);
 }
 
 }  // namespace pounce::flow

@@ -34,10 +34,15 @@ inline bool is_hit(const projection::HitPacket& hit, const surface::TexelPacket&
 
 /// The lanes for which it holds, as bits.
 inline unsigned hits_of(const projection::HitPacket& hit, const surface::TexelPacket& texels) {
-  unsigned lanes = 0;
-  for (int lane = 0; lane < surface::kLanes; ++lane)
-    lanes |= static_cast<unsigned>(is_hit(hit, texels, lane)) << lane;
-  return lanes;
+  // Two loops, each of one type: both become vector code.
+  std::uint32_t lanes = 0;
+  std::uint16_t unused = 0;
+  for (std::size_t lane = 0; lane < surface::kLanes; ++lane) {
+    lanes |= hit.key[lane] != projection::kNoHit ? projection::kLaneBit[lane] : 0;
+    const auto bit = static_cast<std::uint16_t>(projection::kLaneBit[lane]);
+    unused |= texels.texel[lane] == surface::kNoTexel ? bit : std::uint16_t{0};
+  }
+  return lanes & ~std::uint32_t{unused};
 }
 
 inline PagePlace place_of(const projection::HitPacket& hit, int lane) {
@@ -102,6 +107,7 @@ class PacketBlend {
 
  private:
   using Mask = unsigned;  ///< a bit per lane
+  static constexpr std::int32_t kNoPage = -1;
 
   /// A channel's part of it. A channel of a block begins with an empty window of decoded tiles, in
   /// which most lookups of the block find their tile.
@@ -120,10 +126,12 @@ class PacketBlend {
   };
 
   Mask find_images(const projection::HitPacket& hit, Mask hits);
+  bool find_one_image(const projection::HitPacket& hit, Mask hits);
   Mask like(std::size_t lane, Mask among) const;
   void find_footprints(const projection::HitPacket& hit, const surface::TexelPacket& texels,
                        const std::vector<surface::TexelAxes>& axes, Mask lanes);
   void choose_images(std::size_t first, Mask lanes);
+  void find_places(const PageColour& page, const projection::HitPacket& hit, Mask lanes);
   void add_single(const projection::HitPacket& hit, Mask lanes);
   void add_set(std::size_t s, std::uint32_t number, Mask lanes);
   void finish(std::size_t c);
@@ -134,6 +142,8 @@ class PacketBlend {
   const double keys_;
   ColourLevels& levels_;
   std::vector<Own> own_;
+  std::int32_t only_page_ = kNoPage;  ///< that all lanes below are of, with one image
+  bool is_chosen_ = false;            ///< that page's images
   projection::Sixteen<std::int32_t> pages_{};
   projection::Sixteen<mesh::UvTile> tiles_{};
   projection::Vec2Lanes middles_{}, scales_{};

@@ -138,12 +138,17 @@ inline Vec2d scale_of(ImageSize lattice, const store::ColourDirectory& image) no
           static_cast<double>(image.height) / lattice.height};
 }
 
+/// Whether places on a page of this lattice are the image's texels.
+inline bool is_of_size(const store::ColourDirectory& image, ImageSize lattice) noexcept {
+  return lattice.width == image.width && lattice.height == image.height;
+}
+
 /// A place of a page in its image, not wrapped.
 inline Vec2d middle_of(const PagePlace& at, ImageSize lattice, const store::ColourDirectory& image,
                        Vec2d scale) noexcept {
   const Vec2d on_page{static_cast<double>(at.base_x) + at.frac_x,
                       static_cast<double>(at.base_y) + at.frac_y};
-  if (lattice.width == image.width && lattice.height == image.height) return on_page;
+  if (is_of_size(image, lattice)) return on_page;
   return {(on_page.x + 0.5) * scale.x - 0.5, (on_page.y + 0.5) * scale.y - 0.5};
 }
 
@@ -153,7 +158,7 @@ struct WrappedPlace {
 };
 inline WrappedPlace wrapped_in(const store::ColourDirectory& image, ImageSize lattice,
                                const PagePlace& at, Vec2d middle) noexcept {
-  if (lattice.width == image.width && lattice.height == image.height) {
+  if (is_of_size(image, lattice)) {
     return {projection::placed(at.base_x, at.frac_x, image.width, image.wrap_u),
             projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v)};
   }

@@ -331,6 +331,62 @@ TEST_CASE("lanes have the footprints that hits have one by one") {
   }
 }
 
+TEST_CASE("hits lie where they do one by one, or outside") {
+  for (const BlendLanes* kernels : available()) {
+    CAPTURE(kernels->isa);
+    Random random(4005);
+    int inside = 0, outside = 0;
+    for (int i = 0; i < 4000; ++i) {
+      const auto size = [&] { return static_cast<std::uint32_t>(random.whole(1, 140)); };
+      const LookedUp in{size(), size(), 0, 0, Wrap::clamp, Wrap::mirror, false};
+      const unsigned lanes = random.bits() & 0xFFFF;
+      constexpr std::array kFractions{0.0F, -0.0F, -1e-30F, 1e-30F, 0.99999994F, 1.0F, -1.0F};
+      HitPacket hit{};
+      for (std::size_t lane = 0; lane < kSixteen; ++lane) {
+        const auto fraction = [&] {
+          return random.one_in(3) ? kFractions.at(random.below(kFractions.size()))
+                                  : random.between(-3.0F, 70.0F);
+        };
+        hit.base_x[lane] = static_cast<std::int32_t>(random.whole(-9, 141));
+        hit.base_y[lane] = static_cast<std::int32_t>(random.whole(-9, 141));
+        hit.frac_x[lane] = fraction();
+        hit.frac_y[lane] = fraction();
+        if ((lanes >> lane & 1) != 0) continue;
+        // Of what is in other lanes nothing is known.
+        hit.base_x[lane] = std::numeric_limits<std::int32_t>::max();
+        hit.base_y[lane] = std::numeric_limits<std::int32_t>::min();
+        hit.frac_x[lane] = std::numeric_limits<float>::quiet_NaN();
+        hit.frac_y[lane] = 3e38F;
+      }
+      PlacesLanes out{}, one{};
+      kernels->place_hits(hit, in, lanes, out);
+      REQUIRE(out.active == lanes);
+      for (std::size_t lane = 0; lane < kSixteen; ++lane) {
+        if (out.share[lane] != (lanes >> lane & 1)) FAIL("share of lane " << lane);
+        if ((lanes >> lane & 1) == 0) continue;
+        const Coordinate x = placed(hit.base_x[lane], hit.frac_x[lane], in.width, in.wrap_u),
+                         y = placed(hit.base_y[lane], hit.frac_y[lane], in.height, in.wrap_v);
+        const auto is_in = [](std::int32_t base, float fraction, std::uint32_t width) {
+          const double at = base + std::floor(double{fraction});
+          return at >= 0 && at < width;
+        };
+        const bool is_outside = !is_in(hit.base_x[lane], hit.frac_x[lane], in.width) ||
+                                !is_in(hit.base_y[lane], hit.frac_y[lane], in.height);
+        if ((out.outside >> lane & 1) != (is_outside ? 1U : 0U)) FAIL("packet " << i);
+        ++(is_outside ? outside : inside);
+        if (is_outside) continue;
+        one.set_place(lane, x, y);
+        if (!same(out.rest_x[lane], one.rest_x[lane]) ||
+            !same(out.rest_y[lane], one.rest_y[lane]) || out.tile[lane] != one.tile[lane] ||
+            out.offset[lane] != one.offset[lane])
+          FAIL("packet " << i << ", lane " << lane);
+      }
+    }
+    CHECK(inside > 1000);
+    CHECK(outside > 1000);
+  }
+}
+
 TEST_CASE("means of sixteen footprints are those of each, bit by bit") {
   for (const BlendLanes* kernels : available()) {
     CAPTURE(kernels->isa);
