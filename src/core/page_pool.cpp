@@ -12,9 +12,10 @@
 //
 // Where the system has huge pages, the first touch of a block of 512 pages makes all of it
 // resident: one fault for 512. What of it was not asked for counts as idle. Where that were more
-// than is in use, or more than may be idle, the block stays one of small pages. Of huge pages a
-// part is given back only where nothing else is left: a hypervisor that keeps page tables of its
-// own then maps all of the block anew, page by page, which costs as much as 512 faults.
+// than twice what is in use, or more than may be idle, the block stays one of small pages. Of
+// huge pages a part is given back only where nothing else is left: a hypervisor that keeps page
+// tables of its own then maps all of the block anew, page by page, which costs as much as 512
+// faults.
 //
 // A buffer of 64 pages or more that is freed waits as it is for the next one of exactly its size:
 // pieces of work ask for the same large buffers again and again, and would fault all their pages in
@@ -49,6 +50,7 @@ constexpr std::size_t kRegionPages = 4096;       // 16 MiB of address space
 constexpr std::size_t kBlockPages = 512;         // a huge page: 2 MiB
 constexpr std::size_t kMostIdlePages = 1024;     // 4 MiB resident
 constexpr std::size_t kGivenBackPages = 64;      // at once, if there are so many
+constexpr std::size_t kMostBeside = 2;           // untouched pages of a huge one per page in use
 constexpr std::size_t kLongRun = 64;             // pages from which a run waits for its like
 constexpr std::size_t kMostWaitingPages = 2048;  // 8 MiB resident
 
@@ -157,7 +159,8 @@ bool is_untouched(const Region& region, std::size_t block) {
 
 /// Whether a block may be a huge page although that many of its pages were not asked for.
 bool may_be_huge(std::size_t beside, const Pool& p) {
-  return beside == 0 || (beside <= p.used_pages && p.idle_pages + beside <= kMostIdlePages);
+  return beside == 0 ||
+         (beside <= kMostBeside * p.used_pages && p.idle_pages + beside <= kMostIdlePages);
 }
 
 /// The first page of an untouched block, or kRegionPages.
