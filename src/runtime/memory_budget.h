@@ -64,7 +64,7 @@ class MemoryBudget {
   std::uint64_t leased_peak() const;  ///< largest leased + cached so far
 
   /// Of Reuse::near so much is kept before any of it was asked for again.
-  static constexpr std::uint64_t kNearBytes = 16ULL << 20;
+  static constexpr std::uint64_t kNearBytes = 4ULL << 20;
 
  private:
   struct Kept {

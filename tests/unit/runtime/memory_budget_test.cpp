@@ -109,23 +109,23 @@ std::uint64_t go_through(runtime::MemoryBudget& budget, std::uint64_t count) {
 }
 
 TEST_CASE("what only neighbours ask for is kept for a while, however much room there is") {
-  static_assert(runtime::MemoryBudget::kNearBytes == 16 * kMiB);
+  static_assert(runtime::MemoryBudget::kNearBytes == 4 * kMiB);
   runtime::MemoryBudget budget(1000 * kMiB);
   budget.keep({2, 0}, thing(), 50 * kMiB);
-  CHECK(go_through(budget, 16) == 16);
+  CHECK(go_through(budget, 4) == 4);
   CHECK(budget.find({1, 0}) != nullptr);  // now the most recent
-  budget.keep({1, 16}, thing(), kMiB, runtime::Reuse::near);
+  budget.keep({1, 4}, thing(), kMiB, runtime::Reuse::near);
   CHECK(budget.find({1, 1}) == nullptr);
   CHECK(budget.find({1, 0}) != nullptr);
-  CHECK(budget.find({1, 16}) != nullptr);
+  CHECK(budget.find({1, 4}) != nullptr);
   CHECK(budget.find({2, 0}) != nullptr);
-  CHECK(budget.leased_peak() == 66 * kMiB);
+  CHECK(budget.leased_peak() == 54 * kMiB);
 }
 
 TEST_CASE("what is asked for again and again is made twice at most") {
   runtime::MemoryBudget budget(100 * kMiB);
   CHECK(go_through(budget, 40) == 40);
-  CHECK(go_through(budget, 40) == 24);  // for each of these one more is kept from now on
+  CHECK(go_through(budget, 40) == 36);  // for each of these one more is kept from now on
   CHECK(go_through(budget, 40) == 0);
   CHECK(budget.leased_peak() == 40 * kMiB);
 }
@@ -134,7 +134,7 @@ TEST_CASE("what was passed of a store that is closed is not taken for the next o
   runtime::MemoryBudget budget(100 * kMiB);
   for (int round = 0; round < 3; ++round) {
     const std::uint64_t store = budget.new_store();
-    for (std::uint64_t item = 0; item < 20; ++item)
+    for (std::uint64_t item = 0; item < 8; ++item)
       budget.keep({store, item}, thing(), kMiB, runtime::Reuse::near);
     CHECK(budget.find({store, 3}) == nullptr);
     CHECK(budget.find({store, 4}) != nullptr);
@@ -169,13 +169,13 @@ TEST_CASE("a lease takes the room of what was used longest ago, of either kind")
 
 TEST_CASE("bytes of a store that was forgotten are near no more") {
   runtime::MemoryBudget budget(100 * kMiB);
-  go_through(budget, 16);
+  go_through(budget, 4);
   budget.forget(1);
-  for (std::uint64_t item = 0; item < 16; ++item)
+  for (std::uint64_t item = 0; item < 4; ++item)
     budget.keep({2, item}, thing(), kMiB, runtime::Reuse::near);
   CHECK(budget.find({2, 0}) != nullptr);
   budget.forget_all();
-  CHECK(go_through(budget, 16) == 16);
+  CHECK(go_through(budget, 4) == 4);
   CHECK(budget.find({1, 0}) != nullptr);
 }
 
