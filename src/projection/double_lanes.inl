@@ -97,7 +97,7 @@ inline Doubles by_255(const Doubles& a) {
 #if defined(__AVX512DQ__)
   // The product with the rounded inverse is off by less than its last place, so one step of
   // Newton's with its exact remainder rounds as the quotient does (P. Markstein, IBM J. Res. Dev.
-  // 34, 1990), in a third of the time.
+  // 34, 1990).
   const auto divided = [](DoubleRegister x) {
     const __m512d inverse = _mm512_set1_pd(1.0 / 255), by = _mm512_set1_pd(255);
     const __m512d near = _mm512_mul_pd((__m512d)x, inverse);

@@ -31,16 +31,16 @@ inline Place place_along(Doubles at, std::uint32_t size, std::uint32_t level_siz
 }
 
 /// Where a group's texels are in their tiles, for those of `inside`.
-inline void store_places(IntRegister inside, IntRegister column, IntRegister row,
-                         std::size_t first, PlacesLanes& out) {
+inline void store_places(IntRegister inside, IntRegister column, IntRegister row, std::size_t first,
+                         PlacesLanes& out) {
   constexpr std::int32_t kShift = 6, kWithin = mesh::kBlockEdge - 1;
   static_assert(mesh::kBlockEdge == 1 << kShift);
   constexpr std::int32_t kFirst = store::kApron - 1;  // of the four, in the tile
   column &= inside;
   row &= inside;
   store_register(out.tile.data() + first, ((row >> kShift) << 16) | (column >> kShift));
-  store_register(out.offset.data() + first, ((row & kWithin) + kFirst) * store::kColourTileEdge +
-                                                (column & kWithin) + kFirst);
+  store_register(out.offset.data() + first,
+                 ((row & kWithin) + kFirst) * store::kColourTileEdge + (column & kWithin) + kFirst);
 }
 
 void place(const LookupsLanes& set, const LookedUp& in, const Vec2Lanes& middles, int a, int b,
@@ -84,13 +84,14 @@ void place_hits(const HitPacket& hit, const LookedUp& in, unsigned lanes, Places
     const IntRegister active = lanes_of(lanes >> first);
     const auto along = [&](const std::int32_t(&base)[kLanes], const float(&frac)[kLanes],
                            std::uint32_t size) {
-      const Doubles beyond = only(active, doubles_at(frac + first)), to_zero = doubles_of(truncated(beyond));
+      const Doubles beyond = only(active, doubles_at(frac + first)),
+                    to_zero = doubles_of(truncated(beyond));
       const Doubles whole = where_less(beyond, to_zero, to_zero - 1.0, to_zero);
       Place at;
       at.texel = (load_ints(base + first) & active) + truncated(whole);
       at.rest = beyond - whole;
-      at.inside = (IntRegister)(at.texel >= 0) &
-                  (IntRegister)(at.texel < static_cast<std::int32_t>(size));
+      at.inside =
+          (IntRegister)(at.texel >= 0) & (IntRegister)(at.texel < static_cast<std::int32_t>(size));
       return at;
     };
     const Place x = along(hit.base_x, hit.frac_x, in.width),
