@@ -50,11 +50,12 @@ InputFiles::Kept* InputFiles::find(const std::string& path) {
   return found != kept_.end() ? &*found : nullptr;
 }
 
-const InputFiles::Kept& InputFiles::get(const std::string& path) {
+std::shared_ptr<const ReadFile> InputFiles::get(const std::string& path) {
+  const std::lock_guard lock(mutex_);
   ++uses_;
   if (Kept* const kept = find(path)) {
     kept->used = uses_;
-    return *kept;
+    return kept->file;
   }
   FileSystem& files = posix_file_system();
   const auto status = files.status(path);
@@ -63,21 +64,30 @@ const InputFiles::Kept& InputFiles::get(const std::string& path) {
   if (!is_same(status, files.status(path))) opened.status = {};
   // Open files are limited per process. The one used longest ago is given up; readers that still
   // have it keep it open.
-  if (kept_.size() < kMostKept) return kept_.emplace_back(std::move(opened));
-  return *std::min_element(kept_.begin(), kept_.end(), [](const Kept& a, const Kept& b) {
-    return a.used < b.used;
-  }) = std::move(opened);
+  if (kept_.size() < kMostKept) return kept_.emplace_back(std::move(opened)).file;
+  Kept& oldest = *std::min_element(kept_.begin(), kept_.end(),
+                                   [](const Kept& a, const Kept& b) { return a.used < b.used; });
+  return (oldest = std::move(opened)).file;
 }
+
+bool InputFiles::is_in_place(const std::string& path) {
+  const std::lock_guard lock(mutex_);
+  const Kept* const kept = find(path);
+  return kept == nullptr || is_same(kept->status, posix_file_system().status(path));
+}
+
+SharesInputs::SharesInputs(InputFiles& files) : before_(std::exchange(current, &files)) {}
+
+SharesInputs::~SharesInputs() { current = before_; }
 
 std::unique_ptr<ReadFile> open_input(const std::string& path) {
   // No list outside of a job: tools and tests open what they name.
   if (current == nullptr) return posix_file_system().open(path);
-  return std::make_unique<SharedFile>(current->get(path).file);
+  return std::make_unique<SharedFile>(current->get(path));
 }
 
 bool is_input_in_place(const std::string& path) {
-  const InputFiles::Kept* const kept = current != nullptr ? current->find(path) : nullptr;
-  return kept == nullptr || is_same(kept->status, posix_file_system().status(path));
+  return current == nullptr || current->is_in_place(path);
 }
 
 }  // namespace pounce

@@ -12,10 +12,10 @@
 //
 // Where the system has huge pages, the first touch of a block of 512 pages makes all of it
 // resident: one fault for 512. What of it was not asked for counts as idle. Where that were more
-// than twice what is in use, or more than may be idle, the block stays one of small pages. Of
-// huge pages a part is given back only where nothing else is left: a hypervisor that keeps page
-// tables of its own then maps all of the block anew, page by page, which costs as much as 512
-// faults.
+// than is in use or expected to be (ExpectedUse), or more than may be idle, the block stays one of
+// small pages. Of huge pages a part is given back only where nothing else is left: a hypervisor
+// that keeps page tables of its own then maps all of the block anew, page by page, which costs as
+// much as 512 faults.
 //
 // A buffer of 64 pages or more that is freed waits as it is for the next one of exactly its size:
 // pieces of work ask for the same large buffers again and again, and would fault all their pages in
@@ -50,7 +50,6 @@ constexpr std::size_t kRegionPages = 4096;       // 16 MiB of address space
 constexpr std::size_t kBlockPages = 512;         // a huge page: 2 MiB
 constexpr std::size_t kMostIdlePages = 1024;     // 4 MiB resident
 constexpr std::size_t kGivenBackPages = 64;      // at once, if there are so many
-constexpr std::size_t kMostBeside = 2;           // untouched pages of a huge one per page in use
 constexpr std::size_t kLongRun = 64;             // pages from which a run waits for its like
 constexpr std::size_t kMostWaitingPages = 2048;  // 8 MiB resident
 
@@ -109,6 +108,7 @@ struct Pool {
   std::size_t waiting_pages = 0;
   std::map<std::byte*, std::unique_ptr<Region>> regions;
   std::size_t idle_pages = 0, used_pages = 0;
+  std::size_t expected_pages = 0;  // to be in use, of all ExpectedUse that live
   const bool has_huge = huge_page_bytes() == kBlockPages * kPageBytes;
 };
 
@@ -159,8 +159,8 @@ bool is_untouched(const Region& region, std::size_t block) {
 
 /// Whether a block may be a huge page although that many of its pages were not asked for.
 bool may_be_huge(std::size_t beside, const Pool& p) {
-  return beside == 0 ||
-         (beside <= kMostBeside * p.used_pages && p.idle_pages + beside <= kMostIdlePages);
+  return beside == 0 || (beside <= std::max(p.used_pages, p.expected_pages) &&
+                         p.idle_pages + beside <= kMostIdlePages);
 }
 
 /// The first page of an untouched block, or kRegionPages.
@@ -274,6 +274,18 @@ ReleaseTogether::~ReleaseTogether() {
   Pool& p = pool();
   const std::lock_guard lock(p.mutex);
   give_back_surplus(p);
+}
+
+ExpectedUse::ExpectedUse(std::uint64_t bytes) : pages_(bytes / kPageBytes) {
+  Pool& p = pool();
+  const std::lock_guard lock(p.mutex);
+  p.expected_pages += pages_;
+}
+
+ExpectedUse::~ExpectedUse() {
+  Pool& p = pool();
+  const std::lock_guard lock(p.mutex);
+  p.expected_pages -= pages_;
 }
 
 PagePool& PagePool::instance() {

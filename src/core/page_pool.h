@@ -42,6 +42,19 @@ class ReleaseTogether {
   ~ReleaseTogether();
 };
 
+/// While one lives, so much of the pool is going to be in use: huge pages, each a fault for 512
+/// pages, are taken as if it were already. What is idle stays bounded as ever. Thread-safe.
+class ExpectedUse {
+ public:
+  explicit ExpectedUse(std::uint64_t bytes);
+  ExpectedUse(const ExpectedUse&) = delete;
+  ExpectedUse& operator=(const ExpectedUse&) = delete;
+  ~ExpectedUse();
+
+ private:
+  std::uint64_t pages_;
+};
+
 /// How far behind the start of its first page something begins: where its last page has bytes to
 /// spare, another cache line than the one before. Columns that are gone through side by side would
 /// otherwise lie in the same few sets of the processor's cache and drive each other out.

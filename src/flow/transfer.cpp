@@ -39,7 +39,11 @@ std::unique_ptr<job::JobContext> open_transfer(const TransferOptions& options,
 
 void make_targets(job::JobContext& job, TransferPlan& plan) {
   Source& source = plan.source();
-  source.build({kAfterReading, kAfterSource}, plan.detail());
+  // Of several targets each is read again when its turn comes.
+  const BesideImages ahead =
+      plan.targets() == 1 ? vectorizing_ahead(job, plan.policy(), source.plan(), plan.target(0))
+                          : BesideImages{};
+  source.build({kAfterReading, kAfterSource}, plan.detail(), ahead);
   // From here on only stores are read, never the source's files.
   const double share = (1 - kAfterSource) / static_cast<double>(plan.targets());
   // Two rounds with --skip-existing: a target whose missing outputs are all in work elsewhere is

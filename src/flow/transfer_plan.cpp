@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // All that is decided before any work, so that whatever is wrong is said before it: the source,
-// then each target, then what all of it needs of memory and disk. Several targets are read one
+// then each target, then what all of it needs of memory and disk. (The first target's mesh may be
+// read while the source is: early_mesh.h.) Several targets are read one
 // after the other here, and again when their turn comes: only one of their meshes is in memory.
 //
 // The source decides channels, sizes and passes, a target decides pages and names. Needs of memory
@@ -77,6 +78,7 @@ void TransferPlan::make(double end) {
   job_.meter.begin("read meshes", 1 + options_.targets.size(), "meshes", end);
   planning::DiskPlan disk(job_.keeps_stores, job_.cache_limit_bytes);
   source_ = open_source(job_, options_, !model_pattern_.empty(), knobs_);
+  read_early();
   source_->make_plan(needs_, disk, [this](const mesh::Mesh& mesh) { check_order(mesh); });
   plan_source();
   // The source first: channels and sizes of the outputs follow from it, and so do requests and
@@ -169,7 +171,8 @@ void TransferPlan::need_target(const std::string& path) {
   if (target_.model) {
     needs_.add(target_.model->least_bytes() + contexts(), "writing " + target_.model->path());
   }
-  // The source is read alone, a target beside what the source left in memory.
+  // The source is read alone, a target beside what the source left in memory. (Beside the source it
+  // is read where that is little of the budget.)
   needs_.add(std::max(source_->reading_bytes(), source_->held_bytes() + reading_bytes(path)),
              "reading " + options_.source + " and " + path);
   if (options_.targets.size() == 1) return;
@@ -229,7 +232,7 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
     const std::string& path = options_.targets[t];
     {
       const runtime::Lease reading(job_.budget, reading_bytes(path), "reading " + path);
-      target_.mesh = load_target(path);
+      target_.mesh = target_mesh(path);
     }
     if (source_->plan().makes_normals()) {
       const runtime::Lease tangents(job_.budget,
@@ -256,7 +259,7 @@ void TransferPlan::check_order(const mesh::Mesh& source) {
   for (const std::string& path : options_.targets) {
     require_early(job_, {source.size_bytes() + reading_bytes(path), "reading " + path},
                   source.size_bytes());
-    planning::refuse_swapped(source, load_target(path));
+    planning::refuse_swapped(source, target_mesh(path));
   }
 }
 
@@ -325,21 +328,45 @@ std::uint64_t TransferPlan::contexts() const {
 
 mesh::Mesh TransferPlan::read_target(const std::string& path, std::uint64_t beside) {
   require_early(job_, {beside + reading_bytes(path), "reading " + path}, beside);
-  mesh::Mesh mesh = load_target(path);
+  mesh::Mesh mesh = target_mesh(path);
   for (const std::string& warning : mesh.warnings) job_.warn(warning);
   job_.meter.advance(1);
   return mesh;
 }
 
 std::uint64_t TransferPlan::reading_bytes(const std::string& path) const {
-  if (source_->own_target()) return 0;
-  return io::mesh_cost(path, {options_.allow_external, {}, true}, job_.budget.limit()).peak_bytes;
+  return source_->own_target() ? 0 : reading_bytes(path, job_.budget.limit());
 }
 
-mesh::Mesh TransferPlan::load_target(const std::string& path) const {
+/// Refuses what needs more than `most_bytes` before that is known.
+std::uint64_t TransferPlan::reading_bytes(const std::string& path, std::uint64_t most_bytes) const {
+  return io::mesh_cost(path, {options_.allow_external, {}, true}, most_bytes).peak_bytes;
+}
+
+/// The first target's mesh, in the origin that nearly all sources have.
+void TransferPlan::read_early() {
+  if (planning::is_hit_map(options_.source)) return;
+  const std::string& path = options_.targets.front();
+  early_.emplace(
+      job_, source_->reading_bytes(),
+      [this, &path](std::uint64_t most) { return reading_bytes(path, most); },
+      [this, &path] { return load_target(path, {}); });
+}
+
+mesh::Mesh TransferPlan::load_target(const std::string& path, Vec3d origin) const {
+  return planning::load_mesh(path, options_.target_use, "target", options_.allow_external, origin,
+                             !options_.composite.onto.empty());
+}
+
+mesh::Mesh TransferPlan::target_mesh(const std::string& path) {
   if (auto own = source_->own_target()) return std::move(*own);
-  return planning::load_mesh(path, options_.target_use, "target", options_.allow_external,
-                             source_->plan().origin, !options_.composite.onto.empty());
+  const Vec3d origin = source_->plan().origin;
+  if (early_ && path == options_.targets.front()) {
+    std::optional<mesh::Mesh> mesh = early_->take();
+    early_.reset();
+    if (mesh && origin == Vec3d{}) return std::move(*mesh);
+  }
+  return load_target(path, origin);
 }
 
 void TransferPlan::add_inputs(const std::vector<std::string>& files) {

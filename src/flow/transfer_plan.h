@@ -7,16 +7,25 @@
 #include <string>
 #include <vector>
 
+#include "flow/early_mesh.h"
 #include "flow/sources/source.h"
 #include "flow/write/model.h"
 #include "job/job_context.h"
 #include "mesh/mesh.h"
 #include "planning/disk.h"
 #include "planning/job_hash.h"
+#include "planning/others_outputs.h"
 #include "planning/plan.h"
 #include "planning/task_share.h"
 
 namespace pounce::flow {
+
+/// The blocks of one page that were made before its turn.
+struct VectorizedPage {
+  planning::Step step;
+  std::unique_ptr<store::GeometryStore> store;
+  bool cached = false;
+};
 
 /// A target that is planned, with its mesh as long as something has to be vectorized.
 struct PlannedTarget {
@@ -24,6 +33,7 @@ struct PlannedTarget {
   runtime::Lease mesh_lease;
   planning::TargetPlan plan;
   std::optional<ModelOutput> model;
+  std::optional<VectorizedPage> ahead;
 
   bool has_work() const;  ///< is there an image that has to be written?
   void drop_mesh();
@@ -63,7 +73,10 @@ class TransferPlan {
   std::uint64_t contexts() const;
   mesh::Mesh read_target(const std::string& path, std::uint64_t beside);
   std::uint64_t reading_bytes(const std::string& path) const;
-  mesh::Mesh load_target(const std::string& path) const;
+  std::uint64_t reading_bytes(const std::string& path, std::uint64_t most_bytes) const;
+  void read_early();
+  mesh::Mesh load_target(const std::string& path, Vec3d origin) const;
+  mesh::Mesh target_mesh(const std::string& path);
   void add_target_tangents();
   void add_inputs(const std::vector<std::string>& files);
 
@@ -74,6 +87,7 @@ class TransferPlan {
   planning::JobHash job_hash_;
   job::MemoryNeeds needs_;
   std::unique_ptr<Source> source_;
+  std::optional<EarlyMesh> early_;  ///< of the first target
   runtime::Lease compressors_lease_, tables_lease_;
   PlannedTarget target_;                       ///< planned last
   std::vector<std::string> outputs_, inputs_;  ///< of all targets
@@ -82,6 +96,10 @@ class TransferPlan {
   planning::TargetDetail detail_;
   bool anything_to_write_ = false;
 };
+
+/// Vectorizes the first page that the target will make. Nothing where that may be left to others.
+BesideImages vectorizing_ahead(job::JobContext& job, const planning::OutputPolicy& policy,
+                               const planning::SourcePlan& source, PlannedTarget& target);
 
 /// What a job with --skip-existing does about outputs that another one is just making.
 enum class OthersWork : std::uint8_t {

@@ -44,6 +44,17 @@ namespace {
 constexpr double kVectorizeShare = 0.06, kProjectShare = 0.66;  // of a page
 constexpr double kViewsShare = 0.4;  // of a target, where a scene is drawn from all around
 
+std::vector<planning::Step> steps_to_make(const planning::SourcePlan& source,
+                                          const planning::TargetPlan& target) {
+  std::vector<planning::Step> steps;
+  for (std::uint32_t page = 0; page < target.pages.size(); ++page) {
+    for (std::size_t p = 0; p < source.passes.size(); ++p) {
+      if (planning::has_work(target, source.passes[p].channels, page)) steps.push_back({p, page});
+    }
+  }
+  return steps;
+}
+
 class TargetTransfer {
  public:
   TargetTransfer(job::JobContext& job, const planning::OutputPolicy& policy, const Source& source,
@@ -59,7 +70,7 @@ class TargetTransfer {
   bool run(OthersWork others) {
     // The order matters. What may end this visit without a trace comes first: nothing is counted or
     // reported of a target that is left for later.
-    std::vector<Step> steps = steps_to_make();
+    std::vector<Step> steps = steps_to_make(source_plan_, target_.plan);
     if (policy_.skips_existing && others == OthersWork::leave && !steps.empty() &&
         !others_.is_any_free(steps))
       return false;
@@ -135,16 +146,6 @@ class TargetTransfer {
       job_.meter.keep(fraction(0));
     }
     return true;
-  }
-
-  std::vector<Step> steps_to_make() const {
-    std::vector<Step> steps;
-    for (std::uint32_t page = 0; page < target_.plan.pages.size(); ++page) {
-      for (std::size_t p = 0; p < source_plan_.passes.size(); ++p) {
-        if (has_work({p, page})) steps.push_back({p, page});
-      }
-    }
-    return steps;
   }
 
   /// Each image is written as soon as nothing of it is missing, and memory and scratch files are of
@@ -230,7 +231,8 @@ class TargetTransfer {
     const StageTimer timer(job_.clock, "vectorize");
     job_.meter.begin(page_title("vectorize", page), 0, "tiles", fraction(kVectorizeShare));
     bool cached = false;
-    auto target = geometry_store(job_, target_.plan.requests[p][page], &cached);
+    auto target = made_ahead({p, page}, &cached);
+    if (target == nullptr) target = geometry_store(job_, target_.plan.requests[p][page], &cached);
     all_targets_cached_ = all_targets_cached_ && cached;
     if (all_targets_cached_) job_.clock.set_cached("vectorize");
     job_.report.target_tiles += target->directory().tiles.size();
@@ -239,6 +241,15 @@ class TargetTransfer {
     tally_->vectorized(page, target->directory());
     job_.meter.end(cached);
     return target;
+  }
+
+  /// What was made beside the source's images; null: nothing.
+  std::unique_ptr<store::GeometryStore> made_ahead(const Step& step, bool* cached) {
+    if (!target_.ahead || target_.ahead->step != step) return nullptr;
+    VectorizedPage page = std::move(*target_.ahead);
+    target_.ahead.reset();
+    *cached = page.cached;
+    return std::move(page.store);
   }
 
   void transfer_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target) {
@@ -436,6 +447,23 @@ class TargetTransfer {
 };
 
 }  // namespace
+
+BesideImages vectorizing_ahead(job::JobContext& job, const planning::OutputPolicy& policy,
+                               const planning::SourcePlan& source, PlannedTarget& target) {
+  // What is there already, or in work elsewhere, shows when it is claimed.
+  if (policy.skips_existing || policy.role != TaskRole::whole) return {};
+  const std::vector<planning::Step> steps = steps_to_make(source, target.plan);
+  if (steps.empty()) return {};
+  const planning::Step step = steps.front();
+  const surface::GeometryRequest& request = target.plan.requests[step.pass][step.page];
+  const auto make = [&job, &target, step, &request] {
+    VectorizedPage page{step, nullptr, false};
+    page.store = geometry_store(job, request, &page.cached);
+    target.ahead = std::move(page);
+  };
+  return {make, surface::geometry_least_bytes(request, job.tile_cap_bytes) +
+                    surface::geometry_directory_bytes(request, job.tile_cap_bytes)};
+}
 
 bool transfer_to(job::JobContext& job, const planning::OutputPolicy& policy, const Source& source,
                  PlannedTarget& target, ProgressRange range, OthersWork others) {

@@ -18,6 +18,7 @@
 
 #include "core/file.h"
 #include "core/input_file.h"
+#include "core/page_pool.h"
 #include "core/timer.h"
 #include "job/hash_memo.h"
 #include "pounce/options.h"
@@ -52,6 +53,8 @@ struct JobRun {
 struct JobContext {
   JobRun& run;
   runtime::MemoryBudget budget;
+  /// From 32 MiB on a job is taken to need a huge page.
+  ExpectedUse expected_use;
   const std::uint64_t asked_bytes;  ///< the budget before the process's limits lower it
   bool asks_memory = false;         ///< the user named that
   /// What a control group leaves for the budget; all there is without one.
@@ -89,6 +92,7 @@ struct JobContext {
   JobContext(std::uint64_t budget_bytes, JobRun& of_run)
       : run(of_run),
         budget(budget_bytes),
+        expected_use(budget_bytes / 16),
         asked_bytes(budget_bytes),
         meter(of_run.meter),
         report(of_run.report) {}

@@ -19,6 +19,7 @@ namespace pounce::planning {
 struct Step {
   std::size_t pass = 0;
   std::uint32_t page = 0;
+  bool operator==(const Step&) const = default;
 };
 
 /// The images of a step that are not kept.

@@ -52,7 +52,7 @@ std::uint64_t MapSource::project_least_bytes(std::size_t pass) const {
                       shading_bytes(colour_tile_bytes(plan_), plan_.passes[pass].channels.size())));
 }
 
-void MapSource::build(ProgressRange range, const planning::TargetDetail&) {
+void MapSource::build(ProgressRange range, const planning::TargetDetail&, const BesideImages&) {
   const StageTimer timer(job_.clock, "precondition");
   columns_ = build_columns(job_, plan_, {}, range.end);
   if (columns_.all_cached) job_.clock.set_cached("precondition");

@@ -22,7 +22,8 @@ class MapSource final : public Source {
   std::vector<job::LeastMemory> build_needs() const override;
   std::uint64_t directory_bytes() const override { return 0; }
   std::uint64_t project_least_bytes(std::size_t pass) const override;
-  void build(ProgressRange range, const planning::TargetDetail& targets) override;
+  void build(ProgressRange range, const planning::TargetDetail& targets,
+             const BesideImages& ahead) override;
   std::uint64_t bytes_read(std::size_t) const override { return 0; }  // each page's counts its own
   Box3f box() const override { return {}; }
   std::uint64_t tiles_read() const override { return 0; }

@@ -96,11 +96,15 @@ std::uint64_t MeshSource::reading_bytes() const {
 std::vector<job::LeastMemory> MeshSource::build_needs() const {
   std::vector<job::LeastMemory> needs = column_needs(plan_);
   for (job::LeastMemory& need : further_needs()) needs.push_back(std::move(need));
-  for (const planning::PassPlan& pass : plan_.passes) {
-    needs.push_back({surface::geometry_least_bytes(pass.source, job_.tile_cap_bytes),
-                     "preconditioning " + mesh_.path});
-  }
+  needs.push_back({geometry_least_bytes(), "preconditioning " + mesh_.path});
   return needs;
+}
+
+std::uint64_t MeshSource::geometry_least_bytes() const {
+  std::uint64_t bytes = 0;
+  for (const planning::PassPlan& pass : plan_.passes)
+    bytes = std::max(bytes, surface::geometry_least_bytes(pass.source, job_.tile_cap_bytes));
+  return bytes;
 }
 
 std::uint64_t MeshSource::directory_bytes() const {
@@ -151,30 +155,46 @@ std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
       shading_bytes(colour_tile_bytes(plan_)), p.has_shape || p.has_map);
 }
 
-void SurfaceSource::build(ProgressRange range, const planning::TargetDetail& targets) {
+void SurfaceSource::build(ProgressRange range, const planning::TargetDetail& targets,
+                          const BesideImages& ahead) {
   job_.report.isa = kernels_->isa;
-  {
-    const StageTimer timer(job_.clock, "precondition");
-    columns_ = build_columns(job_, plan_, stored_parts(job_, plan_, little_shown_, targets),
-                             (range.begin + range.end) / 2);
-    all_cached_ = columns_.all_cached;
-  }
-  build_geometry(range.end);
+  const StageTimer timer(job_.clock, "precondition");
+  // An image is decoded by one thread, and neither surface needs it.
+  std::vector<MadeGeometry> geometry;
+  BesideImages beside{[&] {
+                        geometry = make_geometry();
+                        if (ahead.make) ahead.make();
+                      },
+                      std::max(geometry_least_bytes(), ahead.least_bytes) + directory_bytes()};
+  columns_ = build_columns(job_, plan_, stored_parts(job_, plan_, little_shown_, targets),
+                           (range.begin + range.end) / 2, &beside);
+  all_cached_ = columns_.all_cached;
+  job_.meter.begin("precondition", 0, "tiles", range.end);
+  if (!beside.is_made) geometry = make_geometry();
+  open_geometry(std::move(geometry));
   drop_mesh();
   job_.meter.keep(range.end);  // what of it the cache had
 }
 
-void SurfaceSource::build_geometry(double end) {
-  const StageTimer timer(job_.clock, "precondition");
+std::vector<SurfaceSource::MadeGeometry> SurfaceSource::make_geometry() {
   // Layers are looked for here since the mesh goes after this. Whether they are too close is known
   // only when a target has been projected (docs/decisions/050-close-layers.md).
-  job_.meter.begin("precondition", 0, "tiles", end);
   find_layers();
-  bool all_cached = true;
+  std::vector<MadeGeometry> made;
   for (const planning::PassPlan& pass : plan_.passes) {
-    bool cached = false;
-    open_geometry(pass, &cached);
-    all_cached = all_cached && cached;
+    MadeGeometry& one = made.emplace_back();
+    one.store = geometry_store(job_, pass.source, &one.cached);
+    one.directory =
+        runtime::Lease(job_.budget, one.store->size_bytes(), "the directory of the source store");
+  }
+  return made;
+}
+
+void SurfaceSource::open_geometry(std::vector<MadeGeometry> made) {
+  bool all_cached = true;
+  for (std::size_t p = 0; p < made.size(); ++p) {
+    all_cached = all_cached && made[p].cached;
+    open_pass(plan_.passes[p], std::move(made[p]));
   }
   warn_of_coincident();
   all_cached_ = all_cached_ && all_cached;
@@ -182,17 +202,16 @@ void SurfaceSource::build_geometry(double end) {
   job_.meter.end(all_cached);
 }
 
-void SurfaceSource::open_geometry(const planning::PassPlan& pass, bool* cached) {
-  auto opened = geometry_store(job_, pass.source, cached);
+void SurfaceSource::open_pass(const planning::PassPlan& pass, MadeGeometry made) {
   geometry_.push_back(std::make_unique<SurfaceCache>(
-      job_.budget, SurfaceReader{{&job_, std::move(opened)}, pass.has_shape}));
+      job_.budget, SurfaceReader{{&job_, std::move(made.store)}, pass.has_shape}));
   const store::GeometryStore& store = geometry_.back()->store();
   const store::GeometryDirectory& directory = store.directory();
   // Passes see the same surface, each on a lattice of its own, so their numbers are not added.
   job_.report.source_gaussians = std::max(job_.report.source_gaussians, directory.texels);
   job_.report.source_tiles += directory.tiles.size();
-  job_.count_store(store.pack(), *cached);
-  leases_.emplace_back(job_.budget, store.size_bytes(), "the directory of the source store");
+  job_.count_store(store.pack(), made.cached);
+  leases_.push_back(std::move(made.directory));
   job_.report.source_store_bytes += store.pack().size_bytes();
   if (directory.degenerate > 0)
     job_.report.source_filtered["degenerate triangles"] = directory.degenerate;
@@ -327,7 +346,7 @@ std::uint64_t TexelsSource::project_least_bytes(std::size_t pass) const {
   return project_gaussians_least_bytes(result_texel_bytes(pass));
 }
 
-void TexelsSource::build(ProgressRange range, const planning::TargetDetail&) {
+void TexelsSource::build(ProgressRange range, const planning::TargetDetail&, const BesideImages&) {
   const StageTimer timer(job_.clock, "precondition");
   job_.report.isa = kernels_->isa;
   const job::ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from

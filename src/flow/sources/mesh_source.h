@@ -35,6 +35,7 @@ class MeshSource : public Source {
              bool for_model)
       : Source(job, options), as_(as), for_model_(for_model) {}
   void drop_mesh();
+  std::uint64_t geometry_least_bytes() const;  ///< what making the blocks of a pass takes
 
   mesh::Mesh mesh_;
 
@@ -62,7 +63,8 @@ class SurfaceSource final : public MeshSource {
                 const job::TestKnobs& knobs);
 
   std::uint64_t project_least_bytes(std::size_t pass) const override;
-  void build(ProgressRange range, const planning::TargetDetail& targets) override;
+  void build(ProgressRange range, const planning::TargetDetail& targets,
+             const BesideImages& ahead) override;
   std::uint64_t bytes_read(std::size_t pass) const override;
   Box3f box() const override;
   std::uint64_t tiles_read() const override;
@@ -75,8 +77,14 @@ class SurfaceSource final : public MeshSource {
  private:
   void add_stores(planning::DiskPlan& disk) override;
   void report_kind() override;
-  void build_geometry(double end);
-  void open_geometry(const planning::PassPlan& pass, bool* cached);
+  struct MadeGeometry {
+    std::unique_ptr<store::GeometryStore> store;
+    bool cached = false;
+    runtime::Lease directory;
+  };
+  std::vector<MadeGeometry> make_geometry();  ///< by pass
+  void open_geometry(std::vector<MadeGeometry> made);
+  void open_pass(const planning::PassPlan& pass, MadeGeometry made);
   void find_layers();
   void warn_of_coincident();
   std::optional<shading::ShapeOutput> shape_of(const planning::ChannelPlan& channel) const;
@@ -103,7 +111,8 @@ class TexelsSource final : public MeshSource {
                const job::TestKnobs& knobs);
 
   std::uint64_t project_least_bytes(std::size_t pass) const override;
-  void build(ProgressRange range, const planning::TargetDetail& targets) override;
+  void build(ProgressRange range, const planning::TargetDetail& targets,
+             const BesideImages& ahead) override;
   std::uint64_t bytes_read(std::size_t) const override {
     return splats_->store().pack().bytes_read();
   }

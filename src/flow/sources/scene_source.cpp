@@ -102,7 +102,7 @@ std::uint64_t SceneSource::project_least_bytes(std::size_t pass) const {
                                     facts_.lobes, splats_.rays, request_.from_around);
 }
 
-void SceneSource::build(ProgressRange range, const planning::TargetDetail&) {
+void SceneSource::build(ProgressRange range, const planning::TargetDetail&, const BesideImages&) {
   const StageTimer timer(job_.clock, "precondition");
   job_.report.isa = kernels_->isa;
   const job::ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from

@@ -23,7 +23,8 @@ class SceneSource final : public Source {
   std::vector<job::LeastMemory> build_needs() const override;
   std::uint64_t directory_bytes() const override;
   std::uint64_t project_least_bytes(std::size_t pass) const override;
-  void build(ProgressRange range, const planning::TargetDetail& targets) override;
+  void build(ProgressRange range, const planning::TargetDetail& targets,
+             const BesideImages& ahead) override;
   std::uint64_t bytes_read(std::size_t) const override {
     return gaussians_->store().pack().bytes_read();
   }

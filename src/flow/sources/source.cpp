@@ -147,7 +147,7 @@ std::unique_ptr<ColourCache> column_cache(job::JobContext& job, const ColourRequ
 }  // namespace
 
 SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& plan,
-                            const StoredParts& parts, double progress_end) {
+                            const StoredParts& parts, double progress_end, BesideImages* beside) {
   SourceColumns made;
   made.levels = std::make_unique<ColourLevels>(job);
   std::uint64_t rows = 0, later_bytes = 0;
@@ -173,7 +173,7 @@ SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& pl
                    : request.wanted != nullptr ? some_tiles_key(whole, *request.wanted)
                                                : whole);
   }
-  auto found = colour_stores(job, requests, keys);
+  auto found = colour_stores(job, requests, keys, beside);
   for (std::size_t c = 0; c < plan.columns.size(); ++c) {
     const planning::ColumnPlan& column = plan.columns[c];
     const bool cached = found[c].cached;

@@ -69,8 +69,10 @@ class Source {
   // --- stores ------------------------------------------------------------------------------------
 
   /// Builds the stores or finds them in the cache. `targets`: all of the job. What planning held is
-  /// gone afterwards: from here on the stores are read, never the inputs.
-  virtual void build(ProgressRange range, const planning::TargetDetail& targets) = 0;
+  /// gone afterwards: from here on the stores are read, never the inputs. `ahead` needs nothing of
+  /// the source, and is made if threads and memory would else be idle; it may stay unmade.
+  virtual void build(ProgressRange range, const planning::TargetDetail& targets,
+                     const BesideImages& ahead) = 0;
   /// What a pass has read of the store that it reads most, so far.
   virtual std::uint64_t bytes_read(std::size_t pass) const = 0;
   virtual Box3f box() const = 0;  ///< where it lies
@@ -171,8 +173,9 @@ StoredParts stored_parts(const job::JobContext& job, const planning::SourcePlan&
                          const planning::WantedTiles& shown, const planning::TargetDetail& targets);
 
 /// Builds the columns of a plan or finds them in the cache; takes job.meter through a stage whose
-/// end is `progress_end`, and counts what was done in job.report.
+/// end is `progress_end`, and counts what was done in job.report. `beside` as in colour_stores().
 SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& plan,
-                            const StoredParts& parts, double progress_end);
+                            const StoredParts& parts, double progress_end,
+                            BesideImages* beside = nullptr);
 
 }  // namespace pounce::flow

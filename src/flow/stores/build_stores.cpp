@@ -130,6 +130,10 @@ surface::SourceBlock decoded_source(const store::GeometryStore& store,
 
 namespace {
 
+const char* stage_of(const surface::GeometryRequest& request) {
+  return request.is_target ? "vectorize" : "precondition";
+}
+
 /// Makes the tiles of one band, in order, and adds them up in `directory`.
 void build_band(job::JobContext& job, const surface::GeometryRequest& request,
                 const mesh::BlockBins& bins, store::GeometryStoreWriter& writer,
@@ -141,6 +145,7 @@ void build_band(job::JobContext& job, const surface::GeometryRequest& request,
       job.budget, costs,
       request.is_target ? "vectorizing the target" : "preconditioning the source",
       [&](std::size_t i) {
+        const WorkTimer timer(job.clock, stage_of(request));
         return surface::make_tile(request, bins, bins.tiles[i], job.compressor(), job.stores_room(),
                                   [&] { job.meter.advance(0); });
       },
@@ -155,13 +160,13 @@ void build_band(job::JobContext& job, const surface::GeometryRequest& request,
         directory.slivers += tile.slivers;
         directory.degenerate += tile.degenerate;
         ++job.report.tiles_written;
-        job.meter.advance(1);
       });
 }
 
 std::unique_ptr<store::GeometryStore> build(job::JobContext& job,
                                             const surface::GeometryRequest& request,
                                             const Hash128& key) {
+  const WorkTimer timer(job.clock, stage_of(request));  // it may run beside another stage
   const mesh::BlockBinner binner = surface::binner_of(request, job.tile_cap_bytes);
   store::GeometryStoreWriter writer(
       job.stores->create(store::PackKind::geometry, key, surface::geometry_label(request)));

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <utility>
@@ -60,10 +61,20 @@ auto find_store(job::JobContext& job, store::PackKind kind, const Hash128& key, 
   return nullptr;
 }
 
-/// Preconditions a source or vectorizes a target into a store, or finds it in the cache.
+/// Preconditions a source or vectorizes a target into a store, or finds it in the cache. Opens no
+/// input; writes to job.report.
 std::unique_ptr<store::GeometryStore> geometry_store(job::JobContext& job,
                                                      const surface::GeometryRequest& request,
                                                      bool* cached);
+
+/// Work that needs no image, for the threads that decoding leaves idle: an image is decoded by one.
+struct BesideImages {
+  /// Opens no input. While it runs it alone writes to job.report and looks for packs.
+  std::function<void()> make;
+  std::uint64_t least_bytes = 0;  ///< that it must be able to lease
+  bool is_made = false;           ///< there was a thread, an image and memory for it
+};
+
 /// One source image as a column of the source store.
 struct ColourRequest {
   const mesh::ImageRef* image = nullptr;
@@ -89,10 +100,12 @@ struct FoundColumn {
   bool cached = false;  ///< it was there already
 };
 /// Builds columns, side by side as memory allows, or finds them in the cache; `keys` are theirs.
-/// Advances the meter by their rows of tiles. Counts images in the report.
+/// Advances the meter by their rows of tiles. Counts images in the report. `beside`: made while the
+/// last of them are, if it can be.
 std::vector<FoundColumn> colour_stores(job::JobContext& job,
                                        std::span<const ColourRequest> requests,
-                                       std::span<const Hash128> keys);
+                                       std::span<const Hash128> keys,
+                                       BesideImages* beside = nullptr);
 /// The same of one column, all of it, under the caller's lease of colour_least_bytes().
 FoundColumn whole_colours(job::JobContext& job, const ColourRequest& request, const Hash128& key);
 /// What building a column of such an image needs at once, at least.

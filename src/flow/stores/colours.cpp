@@ -21,7 +21,9 @@
 // key.
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 #include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <array>
@@ -443,17 +445,36 @@ class ColumnBatch {
     builders_.emplace_back(column,
                            std::make_unique<ColumnBuilder>(job_, request, key, std::move(lease)));
   }
-  void build() {
-    tbb::parallel_for(std::size_t{0}, builders_.size(),
-                      [&](std::size_t i) { builders_[i].second->build(); });
-    for (auto& [column, builder] : builders_) {
-      columns_[column].store = builder->publish();
-      ++job_.report.images_decoded;
+  void build(BesideImages* beside = nullptr) {
+    if (beside != nullptr && has_room(*beside)) {
+      // Who waits for a part of an image may not begin all of the other work.
+      tbb::parallel_invoke([this] { tbb::this_task_arena::isolate([this] { build_images(); }); },
+                           beside->make);
+      beside->is_made = true;
+    } else {
+      build_images();
     }
+    job_.report.images_decoded += builders_.size();
     builders_.clear();
   }
 
  private:
+  /// What is built is published at once: others may wait for it, and what fails beside it is no
+  /// reason to build it again.
+  void build_images() {
+    tbb::parallel_for(std::size_t{0}, builders_.size(),
+                      [&](std::size_t i) { builders_[i].second->build(); });
+    for (auto& [column, builder] : builders_) {
+      columns_[column].store = builder->publish();
+      builder.reset();  // and its memory
+    }
+  }
+
+  bool has_room(const BesideImages& beside) const {
+    return job_.threads > 1 && !builders_.empty() &&
+           job_.budget.leased() + beside.least_bytes <= job_.budget.limit();
+  }
+
   job::JobContext& job_;
   std::vector<FoundColumn>& columns_;
   std::vector<std::pair<std::size_t, std::unique_ptr<ColumnBuilder>>> builders_;
@@ -463,7 +484,7 @@ class ColumnBatch {
 
 std::vector<FoundColumn> colour_stores(job::JobContext& job,
                                        std::span<const ColourRequest> requests,
-                                       std::span<const Hash128> keys) {
+                                       std::span<const Hash128> keys, BesideImages* beside) {
   std::vector<FoundColumn> columns(requests.size());
   ColumnBatch batch(job, columns);
   for (std::size_t i = 0; i < requests.size(); ++i) {
@@ -477,7 +498,7 @@ std::vector<FoundColumn> colour_stores(job::JobContext& job,
     batch.add(i, requests[i], keys[i],
               runtime::Lease(job.budget, least, "decoding " + requests[i].image->label));
   }
-  batch.build();
+  batch.build(beside);
   return columns;
 }
 

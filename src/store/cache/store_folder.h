@@ -34,7 +34,8 @@ struct CacheOptions {
 ///
 /// Use: find(); if there is nothing, create(), append, publish(). In a cache a find() that finds
 /// nothing claims the key: other processes wait until the pack is published or its writer is gone.
-/// So make what was not found before looking for the next.
+/// Who looks for another key meanwhile does not wait for it, so that two processes cannot wait for
+/// each other, but may make a copy of what is being made.
 class StoreFolder {
  public:
   /// The cache. Creates its folders and removes what dead runs left half-built. Where nothing can

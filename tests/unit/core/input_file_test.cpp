@@ -82,6 +82,33 @@ TEST_CASE("inputs that are missing are asked for again") {
   CHECK(content(path) == "there");
 }
 
+TEST_CASE("threads may share the inputs of a job") {
+  const test::TempFolder folder;
+  const std::string path = folder.file("mesh.obj"), other = folder.file("other.obj");
+  write(path, "first");
+  write(other, "other");
+  InputFiles job;
+  CHECK(content(path) == "first");
+  replace(path, "second");
+  std::string shared, after;
+  bool is_in_place = true;
+  std::thread([&] {
+    {
+      const SharesInputs inputs(job);
+      shared = content(path);
+      is_in_place = is_input_in_place(path);
+      CHECK(content(other) == "other");
+    }
+    after = content(path);
+  }).join();
+  CHECK(shared == "first");
+  CHECK_FALSE(is_in_place);
+  CHECK(after == "second");
+  // What the other one opened is the job's as well.
+  replace(other, "another");
+  CHECK(content(other) == "other");
+}
+
 TEST_CASE("jobs may end in any order") {
   const test::TempFolder folder;
   const std::string path = folder.file("mesh.obj");
