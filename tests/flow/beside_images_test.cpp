@@ -19,6 +19,7 @@
 #include "pounce/error.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
+#include "support/many_threads.h"
 #include "support/random_scene.h"
 #include "support/test_data.h"
 

@@ -189,34 +189,6 @@ TEST_CASE("huge pages go back whole while others have parts to spare") {
   for (auto& [block, buffers] : blocks) release(buffers, 0);
 }
 
-TEST_CASE("what is expected to be in use is faulted in by huge pages") {
-  constexpr std::size_t kBytes = 3 * kPageBytes, kCount = 300;
-  const auto faults = [] {
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    return usage.ru_minflt;
-  };
-  std::vector<Buffer> buffers(kCount, {nullptr, kBytes, 1});
-  const std::size_t huge = huge_bytes();
-  const auto before = faults();
-  {
-    const ExpectedUse expected(std::size_t{2} << 20);
-    for (Buffer& buffer : buffers) {
-      buffer.at = static_cast<std::uint64_t*>(PagePool::instance().allocate(kBytes));
-      fill(buffer);
-    }
-  }
-  const auto taken = faults() - before;
-  const bool has_huge = huge_bytes() > huge;
-  for (const Buffer& buffer : buffers) PagePool::instance().release(buffer.at, kBytes);
-  // Where the pool had none to spare, one more was made, or all of it was resident already.
-  if (!has_huge && taken > 100) {
-    std::puts("SKIPPED: huge pages (the system has none)");
-  } else {
-    CHECK(taken < 100);  // of 900 pages
-  }
-}
-
 TEST_CASE("what is released together goes back when the last of those who release ends") {
   constexpr std::size_t kBytes = 4 * kPageBytes, kCount = 4000, kMiB = std::size_t{1} << 20;
   std::vector<Buffer> buffers;
