@@ -172,7 +172,7 @@ void TransferPlan::need_target(const std::string& path) {
     needs_.add(target_.model->least_bytes() + contexts(), "writing " + target_.model->path());
   }
   // The source is read alone, a target beside what the source left in memory. (Beside the source it
-  // is read where that is little of the budget.)
+  // is read where both are little: EarlyMesh.)
   needs_.add(std::max(source_->reading_bytes(), source_->held_bytes() + reading_bytes(path)),
              "reading " + options_.source + " and " + path);
   if (options_.targets.size() == 1) return;

@@ -336,6 +336,10 @@ HeldBudget budget_under(const std::vector<MemoryLimit>& limits, std::uint64_t as
   return budget;
 }
 
+std::uint64_t bytes_at_once(const JobContext& job) {
+  return std::min(job.budget.limit(), usable_memory().bytes);
+}
+
 HeldBudget hold_to_limits(JobContext& job, const LeastMemory& least, std::uint64_t held_bytes) {
   // Measured, not assumed: libraries differ between machines. What planning holds already is part
   // of the budget's side and must not count twice.

@@ -94,6 +94,11 @@ struct HeldBudget {
 HeldBudget budget_under(const std::vector<MemoryLimit>& limits, std::uint64_t asked_bytes,
                         const ProcessNeed& need);
 
+/// How much may be in use where steps run at once that could run one after the other: the budget,
+/// or what limits of the process leave now, where that is less. So nothing that is only quicker
+/// ends a job that these limits would let run (or refuse with a sentence).
+std::uint64_t bytes_at_once(const JobContext& job);
+
 /// Measures the process, says in the report what it needs, and holds the job's budget to what its
 /// limits leave. What it returns is that.
 HeldBudget hold_to_limits(JobContext& job, const LeastMemory& least, std::uint64_t held_bytes);

@@ -38,6 +38,7 @@
 #include "flow/stores/level_rows.h"
 #include "io/files/asset_file.h"
 #include "io/image/read.h"
+#include "job/run_job.h"
 #include "shading/mip_levels.h"
 
 namespace pounce::flow {
@@ -433,7 +434,7 @@ class ColumnBatch {
 
   bool has_room(const BesideImages& beside) const {
     return job_.threads > 1 && !builders_.empty() &&
-           job_.budget.leased() + beside.least_bytes <= job_.budget.limit();
+           job_.budget.leased() + beside.least_bytes <= job::bytes_at_once(job_);
   }
 
   job::JobContext& job_;

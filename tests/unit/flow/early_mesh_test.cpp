@@ -4,7 +4,9 @@
 // been tried.
 #include "flow/early_mesh.h"
 
+#include <sys/resource.h>
 #include <tbb/task_arena.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <catch2/catch.hpp>
@@ -56,6 +58,28 @@ TEST_CASE("a mesh is read early where there are threads and memory", "[early]") 
   REQUIRE(mesh.has_value() == is_read);
   if (mesh) CHECK(mesh->positions == small_mesh().positions);
   CHECK_FALSE(early.take());  // it is there once
+}
+
+TEST_CASE("a mesh is read early where the process may have the memory", "[early]") {
+  constexpr std::uint64_t kMib = 1 << 20;
+  test::SmallJob job(1024 * kMib, 2);  // of which 64 MiB are for both
+  const auto is_read = [&job] {
+    const auto cost = [](std::uint64_t) { return 6 * kMib; };
+    return flow::EarlyMesh(job.context, 0, cost, small_mesh).take().has_value();
+  };
+  CHECK(is_read());
+  rlimit before{};
+  REQUIRE(::getrlimit(RLIMIT_DATA, &before) == 0);
+  std::uint64_t pages = 0;  // the sixth number: of data
+  std::ifstream taken("/proc/self/statm");
+  for (int i = 0; i < 6; ++i) taken >> pages;
+  // A sixteenth of what is left is less.
+  rlimit limit = before;
+  limit.rlim_cur = pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGE_SIZE)) + 64 * kMib;
+  REQUIRE(::setrlimit(RLIMIT_DATA, &limit) == 0);
+  const bool is_read_under_limit = is_read();
+  ::setrlimit(RLIMIT_DATA, &before);
+  CHECK_FALSE(is_read_under_limit);
 }
 
 TEST_CASE("an error of a mesh that is read early is left to who reads it in its turn", "[early]") {
