@@ -123,36 +123,52 @@ namespace {
 
 constexpr int kCells = 24;  // along the longest side
 
+float largest_coordinate(const Box3f& box) {
+  return std::max({std::abs(box.lo.x), std::abs(box.lo.y), std::abs(box.lo.z), std::abs(box.hi.x),
+                   std::abs(box.hi.y), std::abs(box.hi.z)});
+}
+
 /// Segments along places' normals, by cell.
 class Segments {
  public:
-  Segments(std::span<const Place> places, float most) : places_(places), most_(most) {
+  Segments(std::span<const Place> places, float most) : most_(most) {
     for (const Place& place : places) bounds_.extend(place.position);
     const Vec3f size = bounds_.hi - bounds_.lo;
     // Segments reach beyond the places themselves, by `most` at both ends.
     const float longest = std::max({size.x, size.y, size.z}) + 2 * most;
     per_cell_ = longest > 0 ? kCells / longest : 0;
-    cells_.resize(std::size_t{kCells} * kCells * kCells);
-    for (std::uint32_t i = 0; i < places.size(); ++i) {
-      Box3f box;
-      box.extend(places[i].position - places[i].normal * most);
-      box.extend(places[i].position + places[i].normal * most);
-      for_each_cell(box, [&](std::vector<std::uint32_t>& cell) { cell.push_back(i); });
+    boxes_.reserve(places.size());
+    for (const Place& place : places) {
+      Box3f& box = boxes_.emplace_back();
+      box.extend(place.position - place.normal * most);
+      box.extend(place.position + place.normal * most);
     }
+    // First how many each cell has, then what: places of a cell lie side by side.
+    first_.resize(std::size_t{kCells} * kCells * kCells + 1);
+    for (const Box3f& box : boxes_) for_each_cell(box, [&](std::size_t c) { ++first_[c + 1]; });
+    for (std::size_t c = 1; c < first_.size(); ++c) first_[c] += first_[c - 1];
+    in_cell_.resize(first_.back());
+    std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
+    for (std::uint32_t i = 0; i < boxes_.size(); ++i)
+      for_each_cell(boxes_[i], [&](std::size_t c) { in_cell_[next[c]++] = i; });
+    // What meets a triangle lies in its box and in the segment's, within rounding.
+    const float rounding = kRounding * (most + largest_coordinate(bounds_));
+    for (Box3f& box : boxes_) box = box.grown(rounding);
     seen_.assign(places.size(), 0);
   }
 
-  /// Calls `visit` once with each segment that may meet the box.
+  /// Calls `visit` once with each segment that may meet what is in the box.
   template <class Visit>
   void for_each_near(const Box3f& box, const Visit& visit) {
     // A segment is in all cells that its box touches, and a triangle may look at several of them.
     // The round tells what was visited without anything to clear between triangles.
     ++round_;
-    for_each_cell(box, [&](std::vector<std::uint32_t>& cell) {
-      for (const std::uint32_t i : cell) {
+    for_each_cell(box, [&](std::size_t cell) {
+      for (std::uint32_t k = first_[cell]; k < first_[cell + 1]; ++k) {
+        const std::uint32_t i = in_cell_[k];
         if (seen_[i] == round_) continue;
         seen_[i] = round_;
-        visit(i);
+        if (boxes_[i].overlaps(box)) visit(i);
       }
     });
   }
@@ -175,17 +191,20 @@ class Segments {
     for (int z = z0; z <= z1; ++z) {
       for (int y = y0; y <= y1; ++y) {
         for (int x = x0; x <= x1; ++x)
-          visit(cells_[static_cast<std::size_t>((z * kCells + y) * kCells + x)]);
+          visit(static_cast<std::size_t>((z * kCells + y) * kCells + x));
       }
     }
   }
 
-  std::span<const Place> places_;
+  static constexpr float kRounding = 1e-6F;  ///< as a share: several roundings of a float
+
   const float most_;
   Box3f bounds_;
   float per_cell_ = 0;
-  std::vector<std::vector<std::uint32_t>> cells_;
-  std::vector<std::uint64_t> seen_;  ///< in which round
+  std::vector<Box3f> boxes_;            ///< of segments
+  std::vector<std::uint32_t> first_;    ///< by cell: of in_cell_; one more than cells
+  std::vector<std::uint32_t> in_cell_;  ///< segments
+  std::vector<std::uint64_t> seen_;     ///< in which round
   std::uint64_t round_ = 0;
 };
 

@@ -23,6 +23,7 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 #include "surface/chart_fragments.h"
@@ -38,46 +39,74 @@ constexpr std::size_t kOwnGroup = 48;   // texels of a window that lie together:
 constexpr int kMostClusters = 4;  // per window; what is left then shares packets, however far apart
 constexpr double kLargestInset = 1.0 / 16;  // texels: never enough to be seen
 
-struct Gradients {
-  Vec3d pu, pv, nu, nv;
-  Vec3d p, n;
-  Vec2d anchor;
-  std::array<Vec2d, 3> texels;  ///< the corners
+/// A vector that is affine in the texel, at the anchor and by how much it changes per texel.
+struct Affine3d {
+  Vec3d at, u, v;
 };
 
-/// The affine maps of one triangle around an anchor in texels; nothing if it has no area in the
-/// image.
-bool gradients(const store::GeometryBlock& block, const mesh::Lattice& lattice,
-               std::size_t triangle, Gradients& g) {
-  const auto t = g.texels = block.texel_corners(lattice, triangle);
-  const double area = mesh::doubled_area(t[0], t[1], t[2]);
-  if (area == 0) return false;
-  const auto& corner = block.triangles[triangle];
-  const double x1 = t[1].x - t[0].x, y1 = t[1].y - t[0].y, x2 = t[2].x - t[0].x,
-               y2 = t[2].y - t[0].y;
-  // Cramer's rule: what a value that is given at the three corners changes by, per texel.
-  const auto solve = [&](Vec3d a, Vec3d b, Vec3d c, Vec3d& du, Vec3d& dv) {
+/// Of one triangle: what makes affine maps of values at its corners, around an anchor in texels.
+class TriangleFrame {
+ public:
+  TriangleFrame(const store::GeometryBlock& block, const mesh::Lattice& lattice,
+                std::size_t triangle)
+      : corners_(block.triangles[triangle]),
+        texels_(block.texel_corners(lattice, triangle)),
+        area_(mesh::doubled_area(texels_[0], texels_[1], texels_[2])) {
+    const auto& t = texels_;
+    const auto [low_x, high_x] = std::minmax({t[0].x, t[1].x, t[2].x});
+    const auto [low_y, high_y] = std::minmax({t[0].y, t[1].y, t[2].y});
+    const double middle_x = block.x * double{mesh::kBlockEdge} + mesh::kBlockEdge / 2;
+    const double middle_y = block.y * double{mesh::kBlockEdge} + mesh::kBlockEdge / 2;
+    // Whole texels, so that the distance of a texel to its anchor is exact.
+    anchor_ = {std::round(std::clamp(middle_x, low_x, high_x)),
+               std::round(std::clamp(middle_y, low_y, high_y))};
+    x_ = static_cast<float>(anchor_.x - block.x * double{mesh::kBlockEdge});
+    y_ = static_cast<float>(anchor_.y - block.y * double{mesh::kBlockEdge});
+  }
+
+  /// False: it owns no texel, and there are no maps.
+  bool has_area() const { return area_ != 0; }
+  const std::array<Vec2d, 3>& texels() const { return texels_; }
+  Vec2d anchor() const { return anchor_; }
+  /// The anchor in texels of the block.
+  float x() const { return x_; }
+  float y() const { return y_; }
+
+  Affine3d map(const std::vector<Vec3f>& values) const {
+    const auto& t = texels_;
+    const Vec3d a(values[corners_[0]]), b(values[corners_[1]]), c(values[corners_[2]]);
+    const double x1 = t[1].x - t[0].x, y1 = t[1].y - t[0].y, x2 = t[2].x - t[0].x,
+                 y2 = t[2].y - t[0].y;
+    // Cramer's rule: what a value that is given at the three corners changes by, per texel.
     const Vec3d e1 = b - a, e2 = c - a;
-    du = (e1 * y2 - e2 * y1) * (1.0 / area);
-    dv = (e2 * x1 - e1 * x2) * (1.0 / area);
-  };
-  const Vec3d p0(block.positions[corner[0]]), p1(block.positions[corner[1]]),
-      p2(block.positions[corner[2]]);
-  const Vec3d n0(block.normals[corner[0]]), n1(block.normals[corner[1]]),
-      n2(block.normals[corner[2]]);
-  solve(p0, p1, p2, g.pu, g.pv);
-  solve(n0, n1, n2, g.nu, g.nv);
-  const auto [low_x, high_x] = std::minmax({t[0].x, t[1].x, t[2].x});
-  const auto [low_y, high_y] = std::minmax({t[0].y, t[1].y, t[2].y});
-  const double middle_x = block.x * double{mesh::kBlockEdge} + mesh::kBlockEdge / 2;
-  const double middle_y = block.y * double{mesh::kBlockEdge} + mesh::kBlockEdge / 2;
-  // Whole texels, so that the distance of a texel to its anchor is exact.
-  g.anchor = {std::round(std::clamp(middle_x, low_x, high_x)),
-              std::round(std::clamp(middle_y, low_y, high_y))};
-  const double dx = g.anchor.x - t[0].x, dy = g.anchor.y - t[0].y;
-  g.p = p0 + g.pu * dx + g.pv * dy;
-  g.n = n0 + g.nu * dx + g.nv * dy;
-  return true;
+    const Vec3d u = (e1 * y2 - e2 * y1) * (1.0 / area_);
+    const Vec3d v = (e2 * x1 - e1 * x2) * (1.0 / area_);
+    return {a + u * (anchor_.x - t[0].x) + v * (anchor_.y - t[0].y), u, v};
+  }
+
+ private:
+  const std::array<std::uint16_t, 3> corners_;
+  const std::array<Vec2d, 3> texels_;
+  const double area_;
+  Vec2d anchor_;
+  float x_ = 0, y_ = 0;
+};
+
+/// Where in a row of a block the run that begins there ends: of texels of one owner.
+std::uint32_t end_of_run(const std::uint16_t* row, std::uint32_t begin) {
+  constexpr std::uint32_t kAtOnce = 4;
+  std::uint32_t end = begin + 1;
+  // Runs are long where the surface is not dense.
+  for (; end + kAtOnce <= mesh::kBlockEdge; end += kAtOnce) {
+    if (std::memcmp(row + end, row + end - 1, kAtOnce * sizeof *row) != 0) break;
+  }
+  while (end < mesh::kBlockEdge && row[end] == row[begin]) ++end;
+  return end;
+}
+
+/// Where on its triangle a texel is, that many texels from the anchor.
+Vec3f position_at(Vec3f p, Vec3f pu, Vec3f pv, float dx, float dy) {
+  return p + (pu * dx + pv * dy);
 }
 
 /// Two to four times the largest coordinate of a triangle's corners. Not so small that what is
@@ -100,22 +129,23 @@ TargetBlock::TargetBlock(const store::GeometryBlock& block, const mesh::Lattice&
       edges_(start == Start::inset ? block.triangles.size() : 0) {
   if (!block.records.empty()) read_records(block, smallest_edge, start);
   for (std::size_t i = 0; i < block.triangles.size(); ++i) {
-    Gradients g;
     Affine& a = triangles_[i];
     a.per_texel = 1.0F / smallest_edge;
-    if (!gradients(block, lattice, i, g)) continue;  // owns no texel
-    a.p = Vec3f(g.p);
-    a.pu = Vec3f(g.pu);
-    a.pv = Vec3f(g.pv);
-    a.n = Vec3f(g.n);
-    a.nu = Vec3f(g.nu);
-    a.nv = Vec3f(g.nv);
-    a.x = static_cast<float>(g.anchor.x - block.x * double{mesh::kBlockEdge});
-    a.y = static_cast<float>(g.anchor.y - block.y * double{mesh::kBlockEdge});
-    const double edge = std::sqrt(length(cross(g.pu, g.pv)));
+    const TriangleFrame frame(block, lattice, i);
+    if (!frame.has_area()) continue;
+    const Affine3d position = frame.map(block.positions), normal = frame.map(block.normals);
+    a.p = Vec3f(position.at);
+    a.pu = Vec3f(position.u);
+    a.pv = Vec3f(position.v);
+    a.n = Vec3f(normal.at);
+    a.nu = Vec3f(normal.u);
+    a.nv = Vec3f(normal.v);
+    a.x = frame.x();
+    a.y = frame.y();
+    const double edge = std::sqrt(length(cross(position.u, position.v)));
     a.per_texel = 1.0F / std::max(static_cast<float>(edge), smallest_edge);
     a.coarseness = coarseness_of(block, i);
-    if (start == Start::inset) edges_[i] = make_edges(g.texels, g.anchor);
+    if (start == Start::inset) edges_[i] = make_edges(frame.texels(), frame.anchor());
   }
 }
 
@@ -159,7 +189,7 @@ Vec3f TargetBlock::position(std::uint32_t texel) const {
   const Affine& a = triangles_[owner_[texel]];
   const float dx = static_cast<float>(texel % mesh::kBlockEdge) - a.x;
   const float dy = static_cast<float>(texel / mesh::kBlockEdge) - a.y;
-  return a.p + (a.pu * dx + a.pv * dy);
+  return position_at(a.p, a.pu, a.pv, dx, dy);
 }
 
 TargetBlock::Texel TargetBlock::texel(std::uint32_t texel) const {
@@ -168,7 +198,7 @@ TargetBlock::Texel TargetBlock::texel(std::uint32_t texel) const {
   const float dx = static_cast<float>(texel % mesh::kBlockEdge) - a.x;
   const float dy = static_cast<float>(texel / mesh::kBlockEdge) - a.y;
   Texel out;
-  out.position = a.p + (a.pu * dx + a.pv * dy);
+  out.position = position_at(a.p, a.pu, a.pv, dx, dy);
   const Vec3f n = a.n + (a.nu * dx + a.nv * dy);
   const float squared = dot(n, n);
   out.normal = squared > 0 ? n * (1.0F / std::sqrt(squared)) : Vec3f{};
@@ -344,16 +374,36 @@ std::vector<TexelAxes> TargetBlock::axes() const {
 std::vector<Box3f> texel_boxes(const store::GeometryBlock& block, const mesh::Lattice& lattice) {
   // Boxes hold texels, not triangles. A triangle may reach far beyond this block, and its own box
   // would request source blocks that none of these texels can meet.
-  std::vector<Box3f> boxes(block.triangles.size());
-  const TargetBlock map(block, lattice, 1e-30F);
-  const auto& owner = block.owner;
-  for (std::uint32_t i = 0; i < owner.size(); ++i) {
-    // A row's run of one triangle is a straight segment: its ends bound it.
-    const bool starts = i % mesh::kBlockEdge == 0 || owner[i - 1] != owner[i];
-    const bool ends = i % mesh::kBlockEdge == mesh::kBlockEdge - 1 || owner[i + 1] != owner[i];
-    if (owner[i] != store::kNoTriangle && (starts || ends)) boxes[owner[i]].extend(map.position(i));
+  struct Positions {
+    Vec3f p, pu, pv;
+    float x = 0, y = 0;
+    Box3f box;
+  };
+  assert(block.owner.size() == store::kTexelsPerBlock);
+  std::vector<Positions> triangles(block.triangles.size());
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    const TriangleFrame frame(block, lattice, i);
+    if (!frame.has_area()) continue;
+    const Affine3d position = frame.map(block.positions);
+    triangles[i] = {Vec3f(position.at), Vec3f(position.u), Vec3f(position.v),
+                    frame.x(),          frame.y(),         {}};
   }
-  std::erase_if(boxes, [](const Box3f& b) { return b.empty(); });
+  for (std::uint32_t y = 0; y < mesh::kBlockEdge; ++y) {
+    const std::uint16_t* const row = &block.owner[y * mesh::kBlockEdge];
+    // A row's run of one triangle is a straight segment: its ends bound it.
+    for (std::uint32_t begin = 0, end; begin < mesh::kBlockEdge; begin = end) {
+      end = end_of_run(row, begin);
+      if (row[begin] == store::kNoTriangle) continue;
+      Positions& t = triangles[row[begin]];
+      for (const std::uint32_t x : {begin, end - 1})
+        t.box.extend(
+            position_at(t.p, t.pu, t.pv, static_cast<float>(x) - t.x, static_cast<float>(y) - t.y));
+    }
+  }
+  std::vector<Box3f> boxes;
+  boxes.reserve(triangles.size());
+  for (const Positions& t : triangles)
+    if (!t.box.empty()) boxes.push_back(t.box);
   return boxes;
 }
 
