@@ -221,9 +221,11 @@ CacheSpace::CacheSpace(FileSystem& files, CacheLayout layout, std::uint64_t limi
       limit_bytes_(limit_bytes),
       stopped_(std::move(stopped)) {}
 
-std::unique_ptr<FileLock> CacheSpace::lock() {
+CacheSpace::Held CacheSpace::lock() {
+  std::unique_lock threads(mutex_);
   for (;;) {
-    if (auto lock = files_.try_lock(layout_.space_lock())) return lock;
+    if (auto processes = files_.try_lock(layout_.space_lock()))
+      return {std::move(threads), std::move(processes)};
     if (stopped_) stopped_();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));  // it is held for a look around
   }
@@ -234,7 +236,8 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
   if (limit_bytes_ == 0) return UINT64_MAX;
   const auto held = lock();
   // From here to the end nobody else looks or grows.
-  if (const std::uint64_t size = reserve_unseen(*held, part, reserved_bytes, size_bytes); size > 0)
+  if (const std::uint64_t size = reserve_unseen(*held.processes, part, reserved_bytes, size_bytes);
+      size > 0)
     return size;
   known_.reset();
   const std::uint64_t look = ++looks;

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -114,7 +115,12 @@ class CacheSpace {
   /// What was tried is no longer in `scan`, whether it went or not.
   Evicted evict_locked(CacheScan& scan, std::uint64_t most_bytes,
                        const std::function<bool(const CachedObject&)>& unwanted);
-  std::unique_ptr<FileLock> lock();
+  /// Against other threads, which need not try again and again, and against other processes.
+  struct Held {
+    std::unique_lock<std::mutex> threads;
+    std::unique_ptr<FileLock> processes;
+  };
+  Held lock();
   std::uint64_t step_bytes() const;  ///< that a file reserves beyond what it needs
   std::uint64_t reserve_unseen(const FileLock& held, const std::string& part,
                                std::uint64_t reserved_bytes, std::uint64_t size_bytes);
@@ -131,7 +137,8 @@ class CacheSpace {
   const CacheLayout layout_;
   const std::uint64_t limit_bytes_;
   const std::function<void()> stopped_;
-  std::optional<Known> known_;  ///< guarded by the lock
+  std::mutex mutex_;  ///< guards known_
+  std::optional<Known> known_;
 };
 
 /// Removes what dead processes left half-built. What a living one has open stays.
