@@ -8,7 +8,8 @@
 
 Within a part every row runs in turn with all others, as often as asked for, after one run that warms the
 system's caches; figures are medians of CPU time (user + system, of the process and its children) and of the
-largest resident size. Compare ratios of one run only. Input is made by pounce-fixture and by
+largest resident size. What has one thread runs on the CPU that is fastest when its group begins. Compare ratios of
+one run only. Input is made by pounce-fixture and by
 table_input.py. "ns" is CPU time per covered texel of the target.
 
 Parts: heads, triangles, splats, maps, materials, udims, isa, budgets, formats (table_parts.py); all but
@@ -35,13 +36,32 @@ class Failed(Exception):
     pass
 
 
-def run(row, report):
+def cpus_by_speed():
+    """The fastest one first, as they are now. One of two virtual CPUs may be much slower than the other one, and not for
+    long: so no row runs on whichever is free."""
+    def seconds(cpu):
+        os.sched_setaffinity(0, {cpu})
+        begin = time.thread_time()
+        for _ in range(5):
+            sum(range(200_000))
+        return time.thread_time() - begin
+
+    there = os.sched_getaffinity(0)
+    try:
+        return sorted(there, key=lambda cpu: min(seconds(cpu) for _ in range(3)))
+    finally:
+        os.sched_setaffinity(0, there)
+
+
+def run(row, report, cpus):
     """CPU seconds, wall seconds, peak MiB, covered texels and CPU seconds by stage of a process."""
     if row.cleared:
         shutil.rmtree(row.cleared, ignore_errors=True)
     command = row.command + (["--report", report] if row.is_ours else [])
     begin = time.monotonic()
-    with subprocess.Popen(command, env=row.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+    own = set(cpus) if row.threads > 1 else {cpus[row.cpu % len(cpus)]}
+    with subprocess.Popen(command, env=row.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          preexec_fn=lambda: os.sched_setaffinity(0, own)) as process:
         said = process.stdout.read()
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
@@ -78,11 +98,12 @@ def measure(groups, repetitions, report):
     failed = {}
     for repetition in range(repetitions + 1):
         for group in groups:
+            cpus = cpus_by_speed()
             for row in group.rows:
                 if id(row) in failed:
                     continue
                 try:
-                    figures = run(row, report)
+                    figures = run(row, report, cpus)
                     if repetition > 0:
                         seen[id(row)].append(figures)
                 except Failed as failure:

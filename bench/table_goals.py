@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What bench/table.py should show: the goals, as far as the parts that were run tell."""
+import statistics
 import sys
 
-from table_parts import BLENDER, COLD, EIGHTH, OURS, RIVAL, TENT, TWO, WARM
+from table_parts import BLENDER, COLD, EIGHTH, OTHER_CPU, OURS, RIVAL, TENT, TWO, WARM
 
 OUR_CORE = ("precondition", "vectorize", "project")
 RIVALS_CORE = ("build", "transfer")
@@ -44,7 +45,9 @@ def of_heads(tables):
             ours, rivals = core_of(OUR_CORE)(rows[OURS]), core_of(RIVALS_CORE)(rows[RIVAL])
             yield f"{title}: core, pounce to {RIVAL}", ours / rivals, "<=", 0.5
         if size >= 2048 and "wall_s" in rows.get(TWO, {}):
-            gain = (rows[OURS]["wall_s"] - start) / (rows[TWO]["wall_s"] - start)
+            # Of one thread on a CPU of the mean speed of both.
+            alone = [rows[name]["wall_s"] - start for name in (OURS, OTHER_CPU) if "wall_s" in rows.get(name, {})]
+            gain = statistics.harmonic_mean(alone) / (rows[TWO]["wall_s"] - start)
             yield f"{title}: 2 threads, times faster without start-up", gain, ">=", 1.85
         target = table["facts"]["target"]
         if size == 1024:
@@ -113,6 +116,9 @@ def self_test():
         "heads: g: core, pounce to Embree, footprints: 0.500, asked <= 0.5"]
     assert lines("heads", heads, size=2048, target="t")[-1] == (
         "heads: g: 2 threads, times faster without start-up: 2.000, asked >= 1.85")
+    heads[OTHER_CPU] = row(2.0, wall_s=0.5)  # twice as fast: both together do three in a second
+    assert lines("heads", heads, size=2048, target="t")[-1] == (
+        "heads: g: 2 threads, times faster without start-up: 1.333, asked >= 1.85  MISSED")
     assert lines("maps", {"one map": row(9.0, project=1.0), "two maps": row(9.0, project=1.25)}) == [
         "maps: a second map, share of the project stage: 0.250, asked <= 0.35"]
     assert lines("maps", {"one map": row(9.0, project=1.0), "two maps": {"failed": "ended with 4"}}) == []

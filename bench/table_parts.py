@@ -15,6 +15,7 @@ import table_input
 # Names that the goals ask for.
 OURS, RIVAL, BLENDER = "pounce", "Embree, footprints", "Blender's bake"
 TENT, TWO, TWO_EIGHTH = "--filter tent", "2 threads", "2 threads, an eighth of the stores"
+OTHER_CPU = "pounce, on the other CPU"
 EIGHTH, COLD, WARM, WARM_EIGHTH = ("an eighth of the stores", "empty cache", "warm cache",
                                    "warm cache, an eighth of the stores")
 
@@ -27,6 +28,8 @@ class Row:
     is_ours: bool = True   # compared with the last release's, and able to write a report
     cleared: str = ""      # a folder that is removed before each run
     budget_mib: float = 0  # of a row whose budget depends on the stores
+    threads: int = 1
+    cpu: int = 0           # where one thread runs: how many CPUs are faster now
 
 
 @dataclasses.dataclass
@@ -82,7 +85,7 @@ class Bench:
         """A transfer; `cache` is its folder, None: no cache."""
         where = ["--no-cache"] if cache is None else ["--cache", cache]
         command = [self.pounce, "transfer", *map(str, job), *more, "--threads", str(threads), "--quiet", "--redo"]
-        return Row(name, command + where, fields.pop("environment", self.environment), **fields)
+        return Row(name, command + where, fields.pop("environment", self.environment), threads=threads, **fields)
 
     def eighth_of_stores(self, job, *more, threads=1):
         """Bytes: what a first run wrote, by eight; the least that works where that is more."""
@@ -142,7 +145,8 @@ def heads(bench):
         folder = bench.heads(size)
         for target in bench.options.shapes:
             job = head_job(folder, size, target)
-            rows = [bench.ours(OURS, job), bench.ours(TENT, job, "--filter", "tent"), bench.ours(TWO, job, threads=2)]
+            rows = [bench.ours(OURS, job), bench.ours(TENT, job, "--filter", "tent"), bench.ours(TWO, job, threads=2),
+                    bench.ours(OTHER_CPU, job, cpu=1)]
             if bench.options.old:
                 # A release without --redo makes its images again by itself.
                 known = subprocess.run([bench.options.old, "transfer", "--help"], capture_output=True, text=True,
