@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <thread>
@@ -19,16 +20,25 @@ using namespace pounce;
 
 namespace {
 
+/// Writes where nothing is, which no compiler can know.
+void crash() {
+  volatile std::uintptr_t nowhere = 16;
+  *reinterpret_cast<volatile int*>(nowhere) = 1;
+}
+
+void loop() {
+  volatile bool on = true;
+  while (on) {
+  }
+}
+
 /// Of 4 x 4 texels, whose rows come or not.
 class BadRows : public io::RowDecoder {
  public:
   explicit BadRows(std::string how) : how_(std::move(how)) {}
   void read_rows(std::uint32_t, std::uint32_t count, std::byte* rows) override {
-    if (how_ == "rows-crash") *reinterpret_cast<volatile int*>(16) = 1;
-    if (how_ == "rows-loop") {
-      for (volatile int i = 0;; i = i + 1) {
-      }
-    }
+    if (how_ == "rows-crash") crash();
+    if (how_ == "rows-loop") loop();
     std::memset(rows, 7, std::size_t{count} * 4);
   }
 
@@ -57,13 +67,10 @@ std::unique_ptr<io::RowDecoder> open_badly(io::ByteSource& bytes, const io::Want
                                            io::ImageInfo& info) {
   const std::string how = bytes.label();
   try_system(how);
-  if (how == "crash") *reinterpret_cast<volatile int*>(16) = 1;
+  if (how == "crash") crash();
   if (how == "abort") std::abort();
   if (how == "end") _exit(0);
-  if (how == "loop") {
-    for (volatile int i = 0;; i = i + 1) {
-    }
-  }
+  if (how == "loop") loop();
   if (how == "allocate") allocate_much();
   if (how == "refuse") throw Error(ErrorKind::input, "refuse: the file is damaged");
   info.width = info.height = how == "too-wide" ? 70000 : 4;

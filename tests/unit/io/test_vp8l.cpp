@@ -36,7 +36,7 @@ constexpr std::uint32_t rgba(std::uint32_t a, std::uint32_t r, std::uint32_t g, 
 std::uint32_t minus(std::uint32_t a, std::uint32_t b) {
   std::uint32_t result = 0;
   for (std::uint32_t shift = 0; shift < 32; shift += 8)
-    result |= ((a >> shift) - (b >> shift) & 0xFF) << shift;
+    result |= (((a >> shift) - (b >> shift)) & 0xFF) << shift;
   return result;
 }
 
@@ -262,7 +262,7 @@ TEST_CASE("pictures that libwebp encodes come back", "[vp8l]") {
     const int x = i % width, y = i / width;
     for (int c = 0; c < 4; ++c) {
       const int noise = static_cast<int>(random() & 255) | (c == 3 ? 1 : 0);
-      const int smooth = (x * (c + 1) + y * y / 50 + (noise & 3)) & 255 | (c == 3 ? 1 : 0);
+      const int smooth = ((x * (c + 1) + y * y / 50 + (noise & 3)) & 255) | (c == 3 ? 1 : 0);
       const int few = (x / 30 + y / 20) % 5 * 40 + c;
       picture.bytes[static_cast<std::size_t>(4 * i + c)] =
           static_cast<std::uint8_t>(kind == "noise"             ? noise
