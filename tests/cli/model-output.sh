@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # -o out.glb and out.gltf: the target with its new textures. Names, refusals, several targets; the bytes are
-# looked at in unit_io.
+# looked at in unit_io_models.
 source "$(dirname "$0")/support.sh"
 make_job
 
