@@ -10,10 +10,10 @@ target_compile_options(pounce_developer INTERFACE
   # A shared libpounce may inline its own functions: nobody replaces them at load time.
   -fno-semantic-interposition)
 if(POUNCE_UNITY_BUILD)
-  # The first two are about the unnamed namespaces of other files then, the third is GCC's bug again. The preset `dev`
+  # The first two are about the unnamed namespaces of other files then, the others are GCC's bug again. The preset `dev`
   # compiles each file alone, with all warnings.
   target_compile_options(pounce_developer INTERFACE
-    -Wno-shadow $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage;-Wno-stringop-overflow>)
+    -Wno-shadow $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage;-Wno-stringop-overflow;-Wno-array-bounds>)
 endif()
 if(POUNCE_SANITIZE)
   # vptr off: TBB's flow graph downcasts trip it inside TBB's own headers.

@@ -115,7 +115,8 @@ TEST_CASE("means of four round halves to even, whatever the channels and the cou
   };
   for (auto& row : rows) {
     for (std::size_t i = 0; i < 2 * count * channels; ++i) {
-      const std::uint32_t value = i < 40 ? most - random() % 3 : random() % (most + 1);
+      const auto value =
+          static_cast<std::uint32_t>(i < 40 ? most - random() % 3 : random() % (most + 1));
       const auto* const bytes = reinterpret_cast<const std::byte*>(&value);
       row.insert(row.end(), bytes, bytes + size);
     }
