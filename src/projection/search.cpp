@@ -78,16 +78,19 @@ void search_batch(grid::BatchPatches& patches, float height, const SearchLimits&
   }
 }
 
-float middle_distance(const SearchState& state) {
-  std::vector<float> distances;
+std::size_t middle_height(const SearchState& state, std::span<const float> heights) {
+  std::size_t hits = 0;
+  std::vector<std::size_t> within(heights.size());
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
-    if (state.hits[p].key[0] == kNoHit) continue;
-    distances.push_back(distance_of(state.hits[p].key[0], state.packets[p]));
+    const std::int32_t key = state.hits[p].key[0];  // of one texel of a packet
+    if (key == kNoHit) continue;
+    ++hits;
+    const float distance = distance_of(key, state.packets[p]);
+    for (std::size_t h = 0; h < heights.size(); ++h) within[h] += distance <= heights[h] ? 1 : 0;
   }
-  if (distances.empty()) return 0;
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle;
+  std::size_t height = 0;
+  while (height + 1 < heights.size() && 2 * within[height] <= hits && hits > 0) ++height;
+  return height;
 }
 
 std::uint64_t count_distances(float max_distance, const SearchState& state,
@@ -96,7 +99,7 @@ std::uint64_t count_distances(float max_distance, const SearchState& state,
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     const TexelPacket& packet = state.packets[p];
     const HitPacket& hit = state.hits[p];
-    // Loops without a branch become vector code. Neighbours mostly share a bin.
+    // Loops without a branch become vector code.
     std::int32_t used[kLanes], bins[kLanes], steps_of[kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
       const float share = distance_of(hit.key[lane], packet) / max_distance;
@@ -104,15 +107,17 @@ std::uint64_t count_distances(float max_distance, const SearchState& state,
       bins[lane] = distance_bin(share) & used[lane];
       steps_of[lane] = share_steps(share) & used[lane];
     }
-    std::int32_t hits = 0, in_steps = 0, highest = 0;
+    std::int32_t hits = 0, in_steps = 0, all = -1, some = 0;
     for (int lane = 0; lane < kLanes; ++lane) {
       hits -= used[lane];
       in_steps += steps_of[lane];
-      highest |= bins[lane];
+      all &= bins[lane] | ~used[lane];
+      some |= bins[lane];
     }
     steps += static_cast<std::uint64_t>(in_steps);
-    if (highest == 0) {
-      counts[0] += static_cast<std::uint64_t>(hits);
+    if (hits == 0) continue;
+    if (all == some) {  // neighbours mostly share a bin
+      counts[static_cast<std::size_t>(some)] += static_cast<std::uint64_t>(hits);
       continue;
     }
     for (int lane = 0; lane < kLanes; ++lane)

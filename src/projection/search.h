@@ -51,9 +51,9 @@ void search_batch(grid::BatchPatches& patches, float height, const SearchLimits&
 /// Closes the groups that nothing beyond `height` can improve.
 void close_groups(float height, const Kernels& kernels, SearchState& state);
 
-/// How far away the texels found what they found, in the middle: a good first height for their
-/// neighbours.
-float middle_distance(const SearchState& state);
+/// The first of the heights within which half of the texels found what they found: a good first one
+/// for their neighbours, too. By index; 0 if none found anything.
+std::size_t middle_height(const SearchState& state, std::span<const float> heights);
 
 /// Adds how far away the texels found what they found. Returns the sum of their distance_steps().
 std::uint64_t count_distances(float max_distance, const SearchState& state, DistanceCounts& counts);

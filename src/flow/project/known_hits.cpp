@@ -75,7 +75,7 @@ class KnownMethod {
   KnownMethod(job::JobContext& job, const MeshProjection& request,
               std::shared_ptr<const store::HitStore> hits)
       : job_(&job),
-        target_(request.target),
+        index_(std::make_shared<TargetIndex>(*request.target)),
         hits_(std::move(hits)),
         shading_(job, *request.target, request.channels, request.lookup) {}
 
@@ -89,9 +89,7 @@ class KnownMethod {
   }
 
   void begin(Work& work) const {
-    const auto entries = target_->read_index(work.piece.tile, job_->compressor());
-    const auto first = entries.begin() + work.piece.first;
-    work.blocks.assign(first, first + work.piece.count);
+    work.blocks = index_->blocks_of(work.piece, job_->compressor());
     std::uint64_t texels = 0;
     for (const store::BlockEntry& entry : work.blocks) texels += entry.texels;
     work.state.packets.reserve(projection::hit_packets(texels) + work.blocks.size());
@@ -114,14 +112,14 @@ class KnownMethod {
                                  static_cast<std::uint32_t>(entry.y), job_->compressor());
     if (raw.empty()) return;
     projection::HitBlock block = decoded(*hits_, raw);
-    if (block.size() > entry.texels) target_->damaged("a block with more hits than texels");
+    if (block.size() > entry.texels) index_->target().damaged("a block with more hits than texels");
     projection::append_packets(block, b, work.state.packets, work.state.hits);
     work.axes[b] = std::move(block.axes);
     add_distances(block, work);
   }
 
   job::JobContext* job_;
-  const store::GeometryStore* target_;
+  std::shared_ptr<TargetIndex> index_;
   std::shared_ptr<const store::HitStore> hits_;
   HitShading shading_;
 };

@@ -84,7 +84,7 @@ class SurfaceMethod {
   SurfaceMethod(job::JobContext& job, const MeshProjection& request, HitKeeper* keeper)
       : job_(&job),
         source_(request.source),
-        target_(request.target),
+        index_(std::make_shared<TargetIndex>(*request.target)),
         limits_(request.limits),
         kernels_(request.kernels),
         smallest_edge_(request.smallest_edge),
@@ -92,7 +92,7 @@ class SurfaceMethod {
         keeper_(keeper),
         heights_(projection::search_heights(
             std::min(limits_.max_distance,
-                     farthest(source_->store().directory().box, target_->directory().box)))),
+                     farthest(source_->store().directory().box, request.target->directory().box)))),
         result_texel_bytes_(shading_.result_texel_bytes()),
         with_shape_(std::any_of(request.channels.begin(), request.channels.end(), needs_surface)),
         with_points_(std::any_of(request.channels.begin(), request.channels.end(), needs_points)) {}
@@ -118,13 +118,12 @@ class SurfaceMethod {
   }
 
   void begin(Work& work) const {
-    read_packets(*job_, *target_, smallest_edge_, surface::TargetBlock::Start::inset, work,
+    read_packets(*job_, *index_, smallest_edge_, surface::TargetBlock::Start::inset, work,
                  work.state.packets, work.state.groups, &work.axes);
     projection::start(work.state);
     if (with_points_) work.points.start(work.state.packets.size());
     // Neighbouring pieces lie about as far from the source: start where the last one found it.
-    const float expected = neighbours_->distance.load(std::memory_order_relaxed);
-    while (work.height + 1 < heights_.size() && heights_[work.height] < expected) ++work.height;
+    work.height = neighbours_->height.load(std::memory_order_relaxed);
   }
 
   /// Height after height: every source block that the open texels may meet goes past them.
@@ -141,7 +140,8 @@ class SurfaceMethod {
       if (!work.walk->done()) return take(work);
       end_height(work);
     }
-    neighbours_->distance.store(projection::middle_distance(work.state), std::memory_order_relaxed);
+    neighbours_->height.store(projection::middle_height(work.state, heights_),
+                              std::memory_order_relaxed);
     return 0;
   }
 
@@ -192,14 +192,14 @@ class SurfaceMethod {
     ++work.height;
   }
 
-  /// How far away the piece before found the source. Only saves work.
+  /// Within which height the piece before found the source. Only saves work.
   struct Neighbours {
-    std::atomic<float> distance{0};
+    std::atomic<std::size_t> height{0};
   };
 
   job::JobContext* job_;
   const SurfaceCache* source_;
-  const store::GeometryStore* target_;
+  std::shared_ptr<TargetIndex> index_;
   projection::SearchLimits limits_;
   const projection::Kernels* kernels_;
   float smallest_edge_;

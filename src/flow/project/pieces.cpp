@@ -111,19 +111,40 @@ CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
   return cut;
 }
 
-void read_packets(job::JobContext& job, const store::GeometryStore& target, float smallest_edge,
+TargetIndex::Page TargetIndex::page(std::uint32_t tile, store::Compressor& compressor) {
+  {
+    const std::lock_guard lock(lock_);
+    if (last_ != nullptr && tile_ == tile) return last_;
+  }
+  // Two pieces may read the same page at once: nobody waits for the disk with the lock.
+  auto made =
+      std::make_shared<const std::vector<store::BlockEntry>>(target_->read_index(tile, compressor));
+  const std::lock_guard lock(lock_);
+  tile_ = tile;
+  last_ = made;
+  return made;
+}
+
+std::vector<store::BlockEntry> TargetIndex::blocks_of(const Piece& piece,
+                                                      store::Compressor& compressor) {
+  std::vector<store::BlockEntry> blocks;
+  std::size_t first = piece.first;
+  for (std::uint32_t t = piece.tile; blocks.size() < piece.count; ++t, first = 0) {
+    const Page entries = page(t, compressor);
+    const std::size_t end = std::min(entries->size(), first + piece.count - blocks.size());
+    blocks.insert(blocks.end(), entries->begin() + static_cast<std::ptrdiff_t>(first),
+                  entries->begin() + static_cast<std::ptrdiff_t>(end));
+  }
+  return blocks;
+}
+
+void read_packets(job::JobContext& job, TargetIndex& index, float smallest_edge,
                   surface::TargetBlock::Start start, PieceWork& work,
                   PageVector<surface::TexelPacket>& packets,
                   std::vector<surface::PacketGroup>& groups,
                   std::vector<std::vector<surface::TexelAxes>>* axes) {
-  work.blocks.clear();
-  std::size_t first = work.piece.first;
-  for (std::uint32_t t = work.piece.tile; work.blocks.size() < work.piece.count; ++t, first = 0) {
-    const auto entries = target.read_index(t, job.compressor());
-    const std::size_t end = std::min(entries.size(), first + work.piece.count - work.blocks.size());
-    work.blocks.insert(work.blocks.end(), entries.begin() + static_cast<std::ptrdiff_t>(first),
-                       entries.begin() + static_cast<std::ptrdiff_t>(end));
-  }
+  work.blocks = index.blocks_of(work.piece, job.compressor());
+  const store::GeometryStore& target = index.target();
   std::size_t most_packets = 0;
   for (const auto& entry : work.blocks)
     most_packets += surface::TargetBlock::most_packets(entry.texels);

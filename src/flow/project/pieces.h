@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <vector>
 
 #include "job/job_context.h"
@@ -96,9 +97,30 @@ struct PieceWork : store::ResultCounts {
   std::vector<std::uint32_t> hit_bytes;  ///< [block], before compression
 };
 
+/// A target's blocks by tile, for the pieces that it was cut into: they ask for one page of the
+/// index after the other, so that the last one stays decoded. Thread-safe. Counted among what a
+/// piece takes beside its lease: there are no more pages than pieces.
+class TargetIndex {
+ public:
+  explicit TargetIndex(const store::GeometryStore& target) : target_(&target) {}
+
+  const store::GeometryStore& target() const { return *target_; }
+  /// The piece's blocks.
+  std::vector<store::BlockEntry> blocks_of(const Piece& piece, store::Compressor& compressor);
+
+ private:
+  using Page = std::shared_ptr<const std::vector<store::BlockEntry>>;
+  Page page(std::uint32_t tile, store::Compressor& compressor);
+
+  const store::GeometryStore* target_;
+  std::mutex lock_;
+  std::uint32_t tile_ = 0;
+  Page last_;  ///< of that tile; null: none yet
+};
+
 /// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
 /// `smallest_edge` and `start`: see TargetBlock; `axes`: those of each block, if asked for.
-void read_packets(job::JobContext& job, const store::GeometryStore& target, float smallest_edge,
+void read_packets(job::JobContext& job, TargetIndex& index, float smallest_edge,
                   surface::TargetBlock::Start start, PieceWork& work,
                   PageVector<surface::TexelPacket>& packets,
                   std::vector<surface::PacketGroup>& groups,

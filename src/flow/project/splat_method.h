@@ -75,9 +75,8 @@ class SplatMethodBase {
   }
 
   void begin(Work& work) const {
-    read_packets(*job_, *request_.target, request_.smallest_edge,
-                 surface::TargetBlock::Start::at_texel, work, work.state.packets,
-                 work.state.groups);
+    read_packets(*job_, *index_, request_.smallest_edge, surface::TargetBlock::Start::at_texel,
+                 work, work.state.packets, work.state.groups);
     has_read(work.state.packets, work);
     projection::start(request_.limits, work.state);
   }
@@ -91,7 +90,9 @@ class SplatMethodBase {
 
  protected:
   SplatMethodBase(job::JobContext& job, Request request)
-      : job_(&job), request_(std::move(request)) {}
+      : job_(&job),
+        request_(std::move(request)),
+        index_(std::make_shared<TargetIndex>(*request_.target)) {}
 
   std::uint64_t cost(const store::SplatEntry& entry) const {
     return splat_batch_cost(entry.splats, lobes());
@@ -183,6 +184,7 @@ class SplatMethodBase {
 
   job::JobContext* job_;
   Request request_;
+  std::shared_ptr<TargetIndex> index_;
 
  private:
   std::uint32_t lobes() const { return request_.source->store().directory().lobes; }

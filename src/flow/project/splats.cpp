@@ -154,9 +154,8 @@ class SplatMethod : public Base {
 
   void begin(Work& work) const {
     if (request_.views == nullptr) return Base::begin(work);
-    read_packets(*job_, *request_.target, request_.smallest_edge,
-                 surface::TargetBlock::Start::at_texel, work, work.around.packets,
-                 work.around.groups);
+    read_packets(*job_, *index_, request_.smallest_edge, surface::TargetBlock::Start::at_texel,
+                 work, work.around.packets, work.around.groups);
     has_read(work.around.packets, work);
     // All of a wide piece asks a tile that is decoded for it. Else it is so many packets whose sums
     // stay in the processor's cache while all views go past.

@@ -129,3 +129,22 @@ TEST_CASE("blocks that are made already are in no piece, and end the one before 
 }
 
 }  // namespace
+
+TEST_CASE("a piece's blocks are those of the index, whichever page was read before") {
+  SmallJob job(1 << 20);
+  const auto target = small_target(job, kPage, kTiles);
+  TargetIndex index(target);
+  const auto texels = [&](const Piece& piece) {
+    std::vector<std::uint32_t> out;
+    for (const auto& entry : index.blocks_of(piece, job.context.compressor()))
+      out.push_back(entry.texels);
+    return out;
+  };
+  using Texels = std::vector<std::uint32_t>;
+  CHECK(texels({0, 1, 2}) == Texels{200, 200});
+  CHECK(texels({0, 0, 1}) == Texels{200});
+  CHECK(texels({2, 3, 1}) == Texels{10});
+  CHECK(texels({1, 0, 1}) == Texels{500});
+  CHECK(texels({0, 2, 4}) == Texels{200, 500, 10, 10});  // a wide one
+  CHECK(texels({0, 0, 3}) == Texels{200, 200, 200});
+}

@@ -195,3 +195,67 @@ TEST_CASE("a packet's bundle holds its rays, and so does a bundle of bundles") {
     }
   }
 }
+
+namespace {
+
+/// Packets with hits at distances of up to `most`, some of whose lanes hit nothing.
+SearchState with_distances(Random& random, float most) {
+  SearchState state;
+  const std::uint64_t packets = random.below(40);
+  for (std::uint64_t p = 0; p < packets; ++p) {
+    state.packets.push_back(test::random_packet(random, 0.1F));
+    state.packets.back().coarseness = random.one_in(2) ? 0.0F : 4.0F;
+  }
+  state.hits.resize(state.packets.size());
+  for (std::size_t p = 0; p < state.hits.size(); ++p) {
+    clear(state.hits[p]);
+    const float near = random.between(0.0F, most), spread = random.one_in(2) ? 0.0F : most / 4;
+    for (std::int32_t& key : state.hits[p].key) {
+      if (random.one_in(8)) continue;
+      key = key_of(std::min(near + random.between(0.0F, 1.0F) * spread, most), state.packets[p]);
+    }
+  }
+  return state;
+}
+
+}  // namespace
+
+TEST_CASE("a packet's distances are counted as one by one, in any mixture of bins") {
+  Random random(81);
+  for (int round = 0; round < 200; ++round) {
+    const float most = random.between(0.01F, 3.0F);
+    const SearchState state = with_distances(random, most);
+    DistanceCounts expected{}, counts{};
+    std::uint64_t steps = 0;
+    for (std::size_t p = 0; p < state.packets.size(); ++p) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        if (state.packets[p].texel[lane] == surface::kNoTexel) continue;
+        if (state.hits[p].key[lane] == kNoHit) continue;
+        const float distance = distance_of(state.hits[p].key[lane], state.packets[p]);
+        count_distance(distance, most, expected);
+        steps += distance_steps(distance, most);
+      }
+    }
+    CHECK(count_distances(most, state, counts) == steps);
+    CHECK(counts == expected);
+  }
+}
+
+TEST_CASE("the middle height is the first that holds the middle distance") {
+  Random random(82);
+  for (int round = 0; round < 200; ++round) {
+    const float most = random.between(0.01F, 3.0F);
+    const SearchState state = with_distances(random, most);
+    const std::vector<float> heights = search_heights(most);
+    std::vector<float> distances;
+    for (std::size_t p = 0; p < state.packets.size(); ++p) {
+      if (state.hits[p].key[0] != kNoHit)
+        distances.push_back(distance_of(state.hits[p].key[0], state.packets[p]));
+    }
+    std::sort(distances.begin(), distances.end());
+    const float middle = distances.empty() ? 0 : distances[distances.size() / 2];
+    const auto first =
+        std::find_if(heights.begin(), heights.end() - 1, [&](float h) { return h >= middle; });
+    CHECK(middle_height(state, heights) == static_cast<std::size_t>(first - heights.begin()));
+  }
+}
