@@ -18,7 +18,8 @@ constexpr const char* kVariable = "POUNCE_ISA";
 /// What this processor has, the best one last.
 std::vector<std::string> available_sets() {
   std::vector<std::string> sets{"sse2"};
-  if (__builtin_cpu_supports("avx2") != 0) sets.emplace_back("avx2");
+  if (__builtin_cpu_supports("avx2") == 0 || __builtin_cpu_supports("fma") == 0) return sets;
+  sets.emplace_back("avx2");
   if (__builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512dq") != 0 &&
       __builtin_cpu_supports("avx512vl") != 0 && __builtin_cpu_supports("avx512bw") != 0)
     sets.emplace_back("avx512");

@@ -11,7 +11,7 @@
 //   the sum of rows          doubles: below 2^53 they hold the integers of blend.cpp exactly, so
 //                            that neither order nor type matters
 //   the mean                 doubles, in the order of lookups; its quotients by 255 are rounded as
-//                            divisions are (by_255())
+//                            divisions are (over_255())
 //
 // Other depths than bytes: deep_lanes.inl.
 //
@@ -205,16 +205,23 @@ struct RowWeights {
   Pairs high, low;
 };
 
-template <class T>
-inline T kept(const T& sum, const T& a, const T& b) {
-  return lesser(greater(sum, lesser(a, b)), greater(a, b));
-}
+constexpr int kSteps = 20;  // bits of a weight
+static_assert(kOne == 1 << kSteps);
+constexpr double kPerOne = 1.0 / kOne;
 
 /// As kept_sum() of a row.
 [[gnu::always_inline]] inline IntRegister row_sum(const RowWeights& weights, const Pairs& texels) {
-  const auto left = (IntRegister)((UintRegister)texels.first >> 16);
-  const IntRegister right = texels.second & 0xFFFF;
-  return kept(weights.sum(texels), left << 20, right << 20);
+  // Halves of 16 bits: what the upper ones hold is shifted out.
+  const auto left = (ShortRegister)((UintRegister)texels.first >> 16);
+  const auto right = (ShortRegister)texels.second;
+  const IntRegister least = (IntRegister)lesser(left, right) << kSteps,
+                    most = (IntRegister)greater(left, right) << kSteps;
+  return lesser(greater(weights.sum(texels), least), most);
+}
+
+template <class T>
+inline T kept(const T& sum, const T& a, const T& b) {
+  return lesser(greater(sum, lesser(a, b)), greater(a, b));
 }
 
 /// As sharpened_sum() of a row.
@@ -232,24 +239,22 @@ inline T kept(const T& sum, const T& a, const T& b) {
   const IntRegister bend_left = bends << 16 >> 16, bend_right = bends >> 16;
   const IntRegister whole = moves.first + moves.second;
   return kept(weights.sum(texels) + moves.first * bend_left + moves.second * bend_right,
-              (left << 20) + whole * bend_left, (right << 20) + whole * bend_right);
+              (left << kSteps) + whole * bend_left, (right << kSteps) + whole * bend_right);
 }
 
-using Rows = std::array<IntRegister, 4>;
-using RowShares = std::array<Doubles, 4>;
+using Rows = std::array<Doubles, 4>;
 
-inline Doubles weighted_rows(const RowShares& shares, const Rows& rows) {
-  Doubles sum = shares[0] * doubles_of(rows[0]);
-  for (std::size_t i = 1; i < 4; ++i) sum = sum + shares[i] * doubles_of(rows[i]);
+/// The sum of rows; shares are a whole number of steps of kPerOne each.
+inline Doubles weighted_rows(const Rows& shares, const Rows& rows) {
+  Doubles sum = shares[0] * rows[0];
+  for (std::size_t i = 1; i < 4; ++i) sum = exact_sum(shares[i], rows[i], sum);
   return sum;
 }
 
 /// As kept_sum() of rows.
-[[gnu::always_inline]] inline Doubles column_sum(const RowShares& shares, const Rows& rows) {
-  const Doubles least = doubles_of(lesser(rows[1], rows[2])),
-                most = doubles_of(greater(rows[1], rows[2]));
-  constexpr double kScale = kOne;
-  return lesser(greater(weighted_rows(shares, rows), least * kScale), most * kScale);
+[[gnu::always_inline]] inline Doubles column_sum(const Rows& shares, const Rows& rows) {
+  return lesser(greater(weighted_rows(shares, rows), lesser(rows[1], rows[2])),
+                greater(rows[1], rows[2]));
 }
 
 /// As bend() of rows.
@@ -261,52 +266,53 @@ inline Doubles weighted_rows(const RowShares& shares, const Rows& rows) {
   return lesser(greater(to - from, 0.0 - most), most);
 }
 
-/// As sharpened_sum() of rows.
-[[gnu::always_inline]] inline Doubles column_sum(const RowShares& shares, const Moves& moves,
+/// As sharpened_sum() of rows; so are moves.
+[[gnu::always_inline]] inline Doubles column_sum(const Rows& shares,
+                                                 const std::array<Doubles, 2>& moves,
                                                  const Rows& rows) {
-  const Doubles left = doubles_of(rows[1]), right = doubles_of(rows[2]);
+  const Doubles &left = rows[1], &right = rows[2];
   const Doubles between = right - left;
-  const Doubles bend_left = bend_of(left, left - doubles_of(rows[0]), between),
-                bend_right = bend_of(right, between, doubles_of(rows[3]) - right);
-  const Doubles whole = doubles_of(moves.first + moves.second);
-  constexpr double kScale = kOne;
-  const Doubles sum = weighted_rows(shares, rows) + doubles_of(moves.first) * bend_left +
-                      doubles_of(moves.second) * bend_right;
-  return kept(sum, left * kScale + whole * bend_left, right * kScale + whole * bend_right);
+  const Doubles bend_left = bend_of(left, left - rows[0], between),
+                bend_right = bend_of(right, between, rows[3] - right);
+  const Doubles whole = moves[0] + moves[1];
+  const Doubles sum =
+      exact_sum(moves[1], bend_right, exact_sum(moves[0], bend_left, weighted_rows(shares, rows)));
+  return kept(sum, exact_sum(whole, bend_left, left), exact_sum(whole, bend_right, right));
 }
 
-/// One lookup of the group from lane `first` on: sums by channel, in steps of 2^-40.
+/// One lookup of the group from lane `first` on: sums by channel, in the steps of rows.
 template <std::size_t kChannels, bool kSharpened>
 [[gnu::always_inline]] inline std::array<Doubles, kChannels> sums_u8(const std::byte* tile,
                                                                      const PlacesLanes& places,
                                                                      const WeightsLanes& lanes,
                                                                      std::size_t first) {
   const Runs runs = runs_of(tile, places, first, kChannels);
-  const Four down = load_four(lanes.down, first);
-  Moves move_across{}, move_down{};
-  if constexpr (kSharpened) {
-    move_across = load_moves(lanes.move_across, first);
-    move_down = load_moves(lanes.move_down, first);
-  }
+  Moves move_across{};
+  if constexpr (kSharpened) move_across = load_moves(lanes.move_across, first);
   const RowWeights weights(load_four(lanes.across, first));
   std::array<Rows, kChannels> rows;
   for (std::size_t y = 0; y < 4; ++y) {
     const auto texels = load_row<kChannels>(
         runs, static_cast<std::ptrdiff_t>(y * store::kColourTileEdge * kChannels), y == 3);
     for (std::size_t c = 0; c < kChannels; ++c) {
-      rows[c][y] =
-          kSharpened ? row_sum(weights, move_across, texels[c]) : row_sum(weights, texels[c]);
+      rows[c][y] = doubles_of(kSharpened ? row_sum(weights, move_across, texels[c])
+                                         : row_sum(weights, texels[c]));
     }
   }
-  RowShares shares;
-  for (std::size_t y = 0; y < 4; ++y) shares[y] = doubles_of(down[y]);
+  const Four down = load_four(lanes.down, first);
+  Rows shares;
+  for (std::size_t y = 0; y < 4; ++y) shares[y] = doubles_of(down[y]) * kPerOne;
   std::array<Doubles, kChannels> out;
-  for (std::size_t c = 0; c < kChannels; ++c)
-    out[c] = kSharpened ? column_sum(shares, move_down, rows[c]) : column_sum(shares, rows[c]);
+  if constexpr (kSharpened) {
+    const Moves move_down = load_moves(lanes.move_down, first);
+    const std::array<Doubles, 2> moves{doubles_of(move_down.first) * kPerOne,
+                                       doubles_of(move_down.second) * kPerOne};
+    for (std::size_t c = 0; c < kChannels; ++c) out[c] = column_sum(shares, moves, rows[c]);
+  } else {
+    for (std::size_t c = 0; c < kChannels; ++c) out[c] = column_sum(shares, rows[c]);
+  }
   return out;
 }
-
-constexpr double kPerSquare = 1.0 / (static_cast<double>(kOne) * kOne);
 
 /// Of a tent: sums by channel, and of the weights.
 template <std::size_t kChannels>
@@ -373,7 +379,7 @@ void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const Weights
     const Doubles by = load(share.data() + first);
     for (std::size_t c = 0; c < kChannels; ++c) {
       double* const mean = means[c].data() + first;
-      store(mean, load(mean) + by * by_255(sums[c] * kPerSquare));
+      store(mean, load(mean) + by * over_255(sums[c], kOne));
     }
   }
 }
@@ -395,7 +401,7 @@ void round_sums_u8(const std::byte* tile, const PlacesLanes& places, const Weigh
     const auto sums = sums_u8<kChannels, kSharpened>(tile, places, weights, first);
     IntRegister texel{};
     for (std::size_t c = 0; c < kChannels; ++c)
-      texel |= truncated(sums[c] * kPerSquare + 0.5) << static_cast<int>(8 * c);
+      texel |= truncated(sums[c] * kPerOne + 0.5) << static_cast<int>(8 * c);
     store_register(texels.data() + first, texel);
   }
 }

@@ -63,7 +63,7 @@ inline void load_deep(const Runs& runs, std::ptrdiff_t at, DeepRow<kChannels>& r
 }
 
 using FourDoubles = std::array<Doubles, 4>;
-constexpr double kScale = kOne;
+constexpr double kScale = kOne, kPerSquare = kPerOne * kPerOne;
 
 inline FourDoubles doubles_of(const Four& weights) {
   return {doubles_of(weights[0]), doubles_of(weights[1]), doubles_of(weights[2]),

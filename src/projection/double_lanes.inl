@@ -90,24 +90,36 @@ inline Doubles square_root(const Doubles& a) {
   return {(DoubleRegister)POUNCE_PD(sqrt_pd)((POUNCE_RD)a.low),
           (DoubleRegister)POUNCE_PD(sqrt_pd)((POUNCE_RD)a.high)};
 }
-#undef POUNCE_PD
-#undef POUNCE_RD
-/// a / 255 of what is neither tiny nor huge, to the last bit.
-inline Doubles by_255(const Doubles& a) {
-#if defined(__AVX512DQ__)
+/// a b + c where both are exact: so it does not matter whether they are rounded once or twice.
+inline Doubles exact_sum(const Doubles& a, const Doubles& b, const Doubles& c) {
+#if defined(__FMA__)
+  return {
+      (DoubleRegister)POUNCE_PD(fmadd_pd)((POUNCE_RD)a.low, (POUNCE_RD)b.low, (POUNCE_RD)c.low),
+      (DoubleRegister)POUNCE_PD(fmadd_pd)((POUNCE_RD)a.high, (POUNCE_RD)b.high, (POUNCE_RD)c.high)};
+#else
+  return a * b + c;
+#endif
+}
+/// a / (255 unit) of what is neither tiny nor huge, to the last bit; `unit` is a power of two.
+inline Doubles over_255(const Doubles& a, double unit) {
+#if defined(__FMA__)
   // The product with the rounded inverse is off by less than its last place, so one step of
   // Newton's with its exact remainder rounds as the quotient does (P. Markstein, IBM J. Res. Dev.
   // 34, 1990).
-  const auto divided = [](DoubleRegister x) {
-    const __m512d inverse = _mm512_set1_pd(1.0 / 255), by = _mm512_set1_pd(255);
-    const __m512d near = _mm512_mul_pd((__m512d)x, inverse);
-    return (DoubleRegister)_mm512_fmadd_pd(_mm512_fnmadd_pd(near, by, (__m512d)x), inverse, near);
+  const auto divided = [unit](DoubleRegister x) {
+    const POUNCE_RD inverse = POUNCE_PD(set1_pd)(1.0 / 255 / unit),
+                    by = POUNCE_PD(set1_pd)(255 * unit);
+    const POUNCE_RD near = POUNCE_PD(mul_pd)((POUNCE_RD)x, inverse);
+    return (DoubleRegister)POUNCE_PD(fmadd_pd)(POUNCE_PD(fnmadd_pd)(near, by, (POUNCE_RD)x),
+                                               inverse, near);
   };
   return {divided(a.low), divided(a.high)};
 #else
-  return a / 255.0;
+  return a / (255.0 * unit);
 #endif
 }
+#undef POUNCE_PD
+#undef POUNCE_RD
 inline Doubles absolute(const Doubles& a) { return greater(a, 0.0 - a); }
 
 #if defined(__AVX512DQ__)
