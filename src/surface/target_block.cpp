@@ -284,6 +284,38 @@ void TargetBlock::add_group(std::span<const std::uint16_t> texels, bool is_deep,
   groups.push_back({first, static_cast<std::uint32_t>(packets.size()) - first});
 }
 
+/// Is all of a full window near its first texel? What is affine in the texel is farthest away at a
+/// corner, rounded as it is: four points of each owner answer for all of its texels. False where
+/// owners reach beyond: their texels are asked one by one.
+bool TargetBlock::is_together(const Window& window, std::vector<std::uint8_t>& last_asked,
+                              std::uint8_t index) const {
+  if (window.count < window.texels.size() || has_records()) return false;
+  const std::uint32_t first = window.texels[0];
+  const Vec3f seed = position(first);
+  const float seed_per_texel = per_texel(first);
+  const float left = static_cast<float>(first % mesh::kBlockEdge),
+              top = static_cast<float>(first / mesh::kBlockEdge);
+  constexpr float kLast = kWindow - 1;
+  for (const std::uint16_t texel : window.texels) {
+    const std::uint16_t owner = owner_[texel];
+    if (std::exchange(last_asked[owner], index) == index) continue;
+    const Affine& a = triangles_[owner];
+    const Four x = Four{left, left + kLast, left, left + kLast} - a.x,
+               y = Four{top, top, top + kLast, top + kLast} - a.y;
+    const auto away = [&](float p, float pu, float pv, float from) {
+      const Four d = p + (pu * x + pv * y) - from;
+      return d < 0 ? -d : d;
+    };
+    const Four dx = away(a.p.x, a.pu.x, a.pv.x, seed.x), dy = away(a.p.y, a.pu.y, a.pv.y, seed.y),
+               dz = away(a.p.z, a.pu.z, a.pv.z, seed.z);
+    const Four farther = dx < dy ? dy : dx;
+    const Four spread = (farther < dz ? dz : farther) * std::min(seed_per_texel, a.per_texel);
+    for (int i = 0; i < 4; ++i)
+      if (!(spread[i] <= kSpread)) return false;
+  }
+  return true;
+}
+
 /// The first texel that is left is the seed, and takes what is near it, or all there is.
 std::size_t TargetBlock::take_cluster(Window& rest, bool all,
                                       std::array<std::uint16_t, kWindow * kWindow>& out) const {
@@ -309,10 +341,15 @@ void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket
                                std::vector<PacketGroup>& groups, Order order) const {
   if (order == Order::in_space) return make_packets_in_space(block_index, packets, groups);
   std::array<std::uint16_t, kWindow * kWindow> together;
+  std::vector<std::uint8_t> last_asked(triangles_.size(), kWindows);
   for (std::uint32_t w = 0; w < kWindows; ++w) {
     Window rest = window(w);
     if (rest.count == 0) continue;
     const bool deep = is_deep(rest);
+    if (!rest.one_triangle && is_together(rest, last_asked, static_cast<std::uint8_t>(w))) {
+      add_group(rest.texels, deep, block_index, packets, groups);
+      continue;
+    }
     // One group of packets per cluster: usually all of the window, one each where charts meet. A
     // packet across two charts would have a bundle as wide as their distance, and every patch in
     // between would be a candidate. The last cluster takes the rest however far apart:

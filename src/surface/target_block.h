@@ -158,6 +158,8 @@ class TargetBlock {
   struct Window;
   Window window(std::uint32_t index) const;
   bool is_deep(const Window& window) const;
+  bool is_together(const Window& window, std::vector<std::uint8_t>& last_asked,
+                   std::uint8_t index) const;
   std::size_t take_cluster(Window& rest, bool all, std::array<std::uint16_t, 64>& out) const;
   void add_group(std::span<const std::uint16_t> texels, bool is_deep, std::uint32_t block,
                  PageVector<TexelPacket>& packets, std::vector<PacketGroup>& groups) const;

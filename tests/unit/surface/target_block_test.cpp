@@ -291,6 +291,77 @@ TEST_CASE("texels of charts far apart never share a packet, up to four of them")
   }
 }
 
+namespace {
+
+/// The groups of a block by their definition: of each window, texel by texel, those within sixteen
+/// edges of the first one that is left, three times; then the rest.
+std::vector<std::vector<std::uint32_t>> groups_one_by_one(const TargetBlock& map) {
+  std::vector<std::vector<std::uint32_t>> groups;
+  for (std::uint32_t w = 0; w < 64; ++w) {
+    std::vector<std::uint32_t> rest;
+    for (std::uint32_t i = 0; i < 64; ++i) {  // in quarters of 4x4
+      const std::uint32_t x = w % 8 * 8 + i / 16 % 2 * 4 + i % 4;
+      const std::uint32_t y = w / 8 * 8 + i / 32 * 4 + i % 16 / 4;
+      if (map.covered(y * 64 + x)) rest.push_back(y * 64 + x);
+    }
+    for (int cluster = 1; !rest.empty(); ++cluster) {
+      const TargetBlock::Texel seed = map.texel(rest[0]);
+      std::vector<std::uint32_t> near, far;
+      for (const std::uint32_t texel : rest) {
+        const TargetBlock::Texel other = map.texel(texel);
+        const Vec3f d = other.position - seed.position;
+        const float spread = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
+        const bool is_near = spread * std::min(seed.per_texel, other.per_texel) <= 16;
+        (is_near || cluster == 4 ? near : far).push_back(texel);
+      }
+      groups.push_back(near);
+      rest = far;
+    }
+  }
+  return groups;
+}
+
+}  // namespace
+
+TEST_CASE("groups are what texels one by one say, wherever their triangles reach") {
+  Random random(77);
+  std::size_t whole = 0, cut = 0;
+  for (int round = 0; round < 60; ++round) {
+    BlockMaker maker(0, 0);
+    const std::uint64_t triangles = 1 + random.below(12);
+    const float apart = random.between(0.0F, 12.0F), tilt = random.between(0.0F, 120.0F);
+    for (std::uint64_t t = 0; t < triangles; ++t) {
+      std::array<BlockMaker::Corner, 3> corners{flat_corner(-1, -1, {0, 0, 1}),
+                                                flat_corner(200, -1, {0, 0, 1}),
+                                                flat_corner(-1, 200, {0, 0, 1})};
+      for (auto& corner : corners)
+        corner.position.z += apart * static_cast<float>(t) + tilt * random.between(-1.0F, 1.0F);
+      maker.add(corners);
+    }
+    std::uint16_t owner = 0;
+    for (auto& texel : maker.block.owner) {
+      if (random.one_in(4)) owner = static_cast<std::uint16_t>(random.below(triangles));
+      texel = random.one_in(500) ? store::kNoTriangle : owner;
+    }
+    const TargetBlock map(maker.block, kImage, 1e-6F);
+    const Packets out = checked_packets(map);
+    const auto expected = groups_one_by_one(map);
+    REQUIRE(out.groups.size() == expected.size());
+    for (std::size_t g = 0; g < expected.size(); ++g) {
+      std::vector<std::uint32_t> texels;
+      for (std::uint32_t p = 0; p < out.groups[g].count; ++p) {
+        for (const std::uint16_t texel : out.packets[out.groups[g].first + p].texel)
+          if (texel != kNoTexel) texels.push_back(texel);
+      }
+      CHECK(texels == expected[g]);
+    }
+    whole += expected.size() == 64 ? 1U : 0U;
+    cut += expected.size() > 64 ? 1U : 0U;
+  }
+  CHECK(whole > 5);
+  CHECK(cut > 5);
+}
+
 TEST_CASE("rays start inside of the triangle that owns their texel, by the inset or its middle") {
   Random random(33);
   std::size_t moved = 0, kept = 0;
