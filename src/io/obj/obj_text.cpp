@@ -261,13 +261,14 @@ void ObjText::fail(const std::string& what) const {
 bool ObjText::next_piece() {
   const std::uint64_t left = file_->size_bytes() - offset_;
   if (left == 0) return false;
-  piece_.resize(std::min<std::uint64_t>(left, kPieceBytes));
-  file_->read(offset_, std::as_writable_bytes(std::span(piece_)));
+  const std::size_t bytes = std::min<std::uint64_t>(left, kPieceBytes);
+  if (room_.empty()) room_ = UnsetBytes(bytes);
+  file_->read(offset_, std::span<std::byte>(room_).first(bytes));
+  piece_ = {reinterpret_cast<const char*>(room_.data()), bytes};
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
-  const std::string_view piece(piece_.data(), piece_.size());
-  has_cr_ = piece.find('\r') != std::string_view::npos;
-  at_ = offset_ == 0 && piece.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
-  next_lf_ = std::min(piece.find('\n', at_), piece.size());
+  has_cr_ = piece_.find('\r') != std::string_view::npos;
+  at_ = offset_ == 0 && piece_.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
+  next_lf_ = std::min(piece_.find('\n', at_), piece_.size());
   offset_ += piece_.size();
   return true;
 }
@@ -276,10 +277,9 @@ bool ObjText::next_piece() {
 // append_line() is to take it.
 bool ObjText::take_line(std::string_view& out) {
   if (after_cr_ || at_ >= piece_.size()) return false;
-  const std::string_view piece(piece_.data(), piece_.size());
-  const std::size_t end = piece.find('\n', at_);
+  const std::size_t end = piece_.find('\n', at_);
   if (end == std::string_view::npos) return false;
-  std::string_view line = piece.substr(at_, end - at_);
+  std::string_view line = piece_.substr(at_, end - at_);
   if (has_cr_) {
     if (line.ends_with('\r')) line.remove_suffix(1);
     if (line.find('\r') != std::string_view::npos) return false;
@@ -307,10 +307,9 @@ bool ObjText::append_line() {
       continue;
     }
     any = true;
-    const std::string_view piece(piece_.data(), piece_.size());
     // Searched for once: where lines end with CR alone, the next LF may be far.
-    if (next_lf_ < at_) next_lf_ = std::min(piece.find('\n', at_), piece.size());
-    const std::string_view line = piece.substr(at_, next_lf_ - at_);
+    if (next_lf_ < at_) next_lf_ = std::min(piece_.find('\n', at_), piece_.size());
+    const std::string_view line = piece_.substr(at_, next_lf_ - at_);
     const std::size_t size = std::min(line.find('\r'), line.size());
     if (out.size() + size > most_bytes) {
       line_ = lines_ended_ + 1;
@@ -319,10 +318,10 @@ bool ObjText::append_line() {
     }
     out.append(line, 0, size);
     at_ += size;
-    ended = at_ < piece.size();
+    ended = at_ < piece_.size();
     if (ended) {
       ++lines_ended_;
-      after_cr_ = piece[at_++] == '\r';
+      after_cr_ = piece_[at_++] == '\r';
     }
   }
   longest_bytes_ = std::max<std::uint64_t>(longest_bytes_, out.size());

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/bytes.h"
 #include "core/file.h"
 
 namespace pounce::io {
@@ -42,7 +43,8 @@ class ObjText {
   Kind kind_;
   std::unique_ptr<ReadFile> file_;
   std::uint64_t offset_ = 0;
-  std::vector<char> piece_;
+  UnsetBytes room_;
+  std::string_view piece_;            ///< of the file, in `room_`
   std::string statement_;             ///< of several lines or pieces
   std::size_t at_ = 0, next_lf_ = 0;  ///< in the piece
   std::uint64_t line_ = 0;            ///< first line of the statement, from 1
