@@ -75,7 +75,7 @@ class KnownMethod {
   KnownMethod(job::JobContext& job, const MeshProjection& request,
               std::shared_ptr<const store::HitStore> hits)
       : job_(&job),
-        index_(std::make_shared<TargetIndex>(*request.target)),
+        index_(std::make_shared<TargetIndex>(request.target)),
         hits_(std::move(hits)),
         shading_(job, *request.target, request.channels, request.lookup) {}
 

@@ -32,7 +32,8 @@ namespace {
 
 using store::kTexelsPerBlock;
 
-constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, candidate lists, encode buffers
+constexpr std::uint64_t kPieceScratch =
+    256 << 10;  // index pages, lists of candidates and triangles, encode buffers
 
 /// What one source block costs a batch: itself decoded, what it is decoded from, and its share of
 /// the list or grid.
@@ -84,7 +85,7 @@ class SurfaceMethod {
   SurfaceMethod(job::JobContext& job, const MeshProjection& request, HitKeeper* keeper)
       : job_(&job),
         source_(request.source),
-        index_(std::make_shared<TargetIndex>(*request.target)),
+        index_(std::make_shared<TargetIndex>(request.target)),
         limits_(request.limits),
         kernels_(request.kernels),
         smallest_edge_(request.smallest_edge),

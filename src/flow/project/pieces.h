@@ -98,11 +98,12 @@ struct PieceWork : store::ResultCounts {
 };
 
 /// A target's blocks by tile, for the pieces that it was cut into: they ask for one page of the
-/// index after the other, so that the last one stays decoded. Thread-safe. Counted among what a
-/// piece takes beside its lease: there are no more pages than pieces.
+/// index after the other, so that the last one stays decoded. Thread-safe. What a page takes (64
+/// entries at most) is in the scratch that every piece counts.
 class TargetIndex {
  public:
-  explicit TargetIndex(const store::GeometryStore& target) : target_(&target) {}
+  /// Without a target nothing may be asked.
+  explicit TargetIndex(const store::GeometryStore* target) : target_(target) {}
 
   const store::GeometryStore& target() const { return *target_; }
   /// The piece's blocks.

@@ -92,7 +92,7 @@ class SplatMethodBase {
   SplatMethodBase(job::JobContext& job, Request request)
       : job_(&job),
         request_(std::move(request)),
-        index_(std::make_shared<TargetIndex>(*request_.target)) {}
+        index_(std::make_shared<TargetIndex>(request_.target)) {}
 
   std::uint64_t cost(const store::SplatEntry& entry) const {
     return splat_batch_cost(entry.splats, lobes());

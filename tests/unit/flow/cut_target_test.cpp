@@ -133,7 +133,7 @@ TEST_CASE("blocks that are made already are in no piece, and end the one before 
 TEST_CASE("a piece's blocks are those of the index, whichever page was read before") {
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, kTiles);
-  TargetIndex index(target);
+  TargetIndex index(&target);
   const auto texels = [&](const Piece& piece) {
     std::vector<std::uint32_t> out;
     for (const auto& entry : index.blocks_of(piece, job.context.compressor()))
