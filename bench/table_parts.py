@@ -256,8 +256,8 @@ def isa(bench):
     job = head_job(bench.heads(size), size)
     with open("/proc/cpuinfo", encoding="utf-8") as file:
         flags = set(next((line for line in file if line.startswith("flags")), "").split())
-    for name, flag in (("avx512", "avx512bw"), ("avx2", "avx2"), ("sse2", "sse2")):
-        if flag in flags:
+    for name, needed in (("avx512", {"avx512bw"}), ("avx2", {"avx2", "fma"}), ("sse2", {"sse2"})):
+        if needed <= flags:
             rows.append(bench.ours(name, job, environment=dict(bench.environment, POUNCE_ISA=name)))
         else:
             bench.notes.append(f"no {name} on this processor")

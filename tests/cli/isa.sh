@@ -5,9 +5,9 @@ source "$(dirname "$0")/support.sh"
 make_job
 said_by() { POUNCE_ISA=$1 expect 0 transfer source.obj target.obj -o said.png --no-cache --report - -q; }
 sets=(sse2)
-for flag in avx2 avx512bw; do
-  ! grep -qw "$flag" /proc/cpuinfo || sets+=("${flag%bw}")
-done
+has() { grep -qw "$1" /proc/cpuinfo; }
+! has avx2 || ! has fma || sets+=(avx2)
+! has avx512bw || sets+=(avx512)
 for set in "${sets[@]}"; do
   said_by "$set"
   out_has "\"isa\": \"$set\","
