@@ -35,25 +35,32 @@ void PatchSpheres::add(Vec3f centre, float radius, const surface::Facet* facet) 
   facets_[count_++] = facet;
 }
 
-void PatchSpheres::add(const PatchSpheres& from, std::size_t i) {
-  add({*from.x(i), *from.y(i), *from.z(i)}, *from.radius(i), from.facets_[i]);
+void PatchSpheres::take(const PatchSpheres& from, std::span<const std::uint16_t> places) {
+  reserve(places.size());
+  count_ = places.size();
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const std::size_t at = places[i];
+    for (std::size_t axis = 0; axis < 3; ++axis) centre_[axis][i] = from.centre_[axis][at];
+    radius_[i] = from.radius_[at];
+    facets_[i] = from.facets_[at];
+  }
 }
 
 BatchPatches::BatchPatches(std::span<const surface::SourceBlock* const> blocks, const Box3f& region,
                            std::size_t most_listed) {
-  std::size_t count = 0;
-  for (const auto* block : blocks) {
-    for (const surface::Patch& patch : block->patches) count += patch.box.overlaps(region) ? 1 : 0;
-  }
-  if (count > std::min(most_listed, kMostListed)) {
-    grid_.emplace(blocks, region);
-    return;
-  }
-  list_.reserve(count);
+  std::size_t patches = 0;
+  for (const auto* block : blocks) patches += block->patches.size();
+  const std::size_t most = std::min(most_listed, kMostListed);
+  list_.reserve(std::min(patches, most));
   for (const auto* block : blocks) {
     for (const surface::Patch& patch : block->patches) {
-      if (patch.box.overlaps(region))
-        list_.add(patch.centre, patch.radius, &block->facets[patch.facet]);
+      if (!patch.box.overlaps(region)) continue;
+      if (list_.size() == most) {
+        list_ = {};
+        grid_.emplace(blocks, region);
+        return;
+      }
+      list_.add(patch.centre, patch.radius, &block->facets[patch.facet]);
     }
   }
 }

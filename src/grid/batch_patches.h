@@ -20,8 +20,8 @@ class PatchSpheres {
   void clear() { count_ = 0; }
   void reserve(std::size_t count);
   void add(Vec3f centre, float radius, const surface::Facet* facet);
-  /// One of another list.
-  void add(const PatchSpheres& from, std::size_t i);
+  /// Those of another list at these places, instead of what there is.
+  void take(const PatchSpheres& from, std::span<const std::uint16_t> places);
   std::size_t size() const { return count_; }
   const float* x(std::size_t i) const { return centre_[0].data() + i; }
   const float* y(std::size_t i) const { return centre_[1].data() + i; }

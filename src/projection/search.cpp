@@ -62,14 +62,14 @@ void search_batch(grid::BatchPatches& patches, float height, const SearchLimits&
     const surface::PacketGroup& group = state.groups[g];
     const std::span bundles(state.bundles.data() + group.first, group.count);
     const RayBundle all = unite(bundles);
-    candidates.clear();
     if (grid::PatchGrid* const grid = patches.grid()) {
+      candidates.clear();
       grid->query(all, height, [&](const grid::GridItem& item) {
         candidates.add(item.centre, item.radius, item.facet);
       });
     } else {
       const std::size_t count = kernels.cull(patches.list(), all, height, places.data());
-      for (std::size_t i = 0; i < count; ++i) candidates.add(patches.list(), places[i]);
+      candidates.take(patches.list(), std::span(places).first(count));
     }
     if (candidates.size() == 0) continue;
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {

@@ -70,14 +70,15 @@ void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_d
                        TexelPacket& packet) const {
   if (has_records()) return fill_records(texels, count, packet);
   // One coarseness for all lanes, that of the coarsest owner: kernels compare sixteen keys at once.
-  packet.coarseness = coarseness(texels, count);
   if (is_deep && is_of_one(texels, count)) {
+    packet.coarseness = triangles_[owner_[texels[0]]].coarseness;
     fill_deep(texels, count, packet);
     return make_unit(packet);
   }
   // Four lanes at once: each one's point and normal as vectors of x, y, z and something, which are
   // then turned over.
   constexpr std::size_t kFour = 4;
+  float coarseness = 0;
   for (std::size_t first = 0; first < kLanes; first += kFour) {
     std::array<Four, kFour> points, normals;
     for (std::size_t i = 0; i < kFour; ++i) {
@@ -93,12 +94,14 @@ void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_d
       packet.per_texel[lane] = a.per_texel;
       packet.texel[lane] = lane < count ? at : kNoTexel;
       packet.owner[lane] = owner_[at];
+      coarseness = std::max(coarseness, a.coarseness);
     }
     turn_over(points, packet.px + first, packet.py + first, packet.pz + first);
     turn_over(normals, packet.nx + first, packet.ny + first, packet.nz + first);
   }
   for (std::size_t lane = count; lane < kLanes; ++lane)
     packet.nx[lane] = packet.ny[lane] = packet.nz[lane] = 0;
+  packet.coarseness = coarseness;
   if (!is_deep) move_starts(count, packet);
   make_unit(packet);
 }

@@ -176,14 +176,6 @@ TargetBlock::Edges TargetBlock::make_edges(const std::array<Vec2d, 3>& t, Vec2d 
   return out;
 }
 
-/// The largest of these texels' owners'.
-float TargetBlock::coarseness(const std::uint16_t* texels, std::size_t count) const {
-  float largest = 0;
-  for (std::size_t i = 0; i < count; ++i)
-    largest = std::max(largest, triangles_[owner_[texels[i]]].coarseness);
-  return largest;
-}
-
 Vec3f TargetBlock::position(std::uint32_t texel) const {
   if (has_records()) return records_[owner_[texel]].map.position;
   const Affine& a = triangles_[owner_[texel]];

@@ -172,7 +172,6 @@ class TargetBlock {
   void fill_deep(const std::uint16_t* texels, std::size_t count, TexelPacket& packet) const;
   static void make_unit(TexelPacket& packet);
   void move_start(std::size_t lane, Four beyond, TexelPacket& packet) const;
-  float coarseness(const std::uint16_t* texels, std::size_t count) const;
 
   std::vector<std::uint16_t> owner_;
   std::vector<Affine> triangles_;
