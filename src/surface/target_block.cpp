@@ -278,7 +278,8 @@ void TargetBlock::add_group(std::span<const std::uint16_t> texels, bool is_deep,
 
 /// Is all of a full window near its first texel? What is affine in the texel is farthest away at a
 /// corner, rounded as it is: four points of each owner answer for all of its texels. False where
-/// owners reach beyond: their texels are asked one by one.
+/// owners reach beyond: their texels are asked one by one. `last_asked` says by triangle which
+/// window, by `index`, asked it last: each is asked once.
 bool TargetBlock::is_together(const Window& window, std::vector<std::uint8_t>& last_asked,
                               std::uint8_t index) const {
   if (window.count < window.texels.size() || has_records()) return false;
