@@ -188,26 +188,69 @@ inline Runs runs_of(const std::byte* tile, const PlacesLanes& places, std::size_
 
 // --- sums ----------------------------------------------------------------------------------------
 
-/// Weights of a row, in parts that fit 16 bits: high x 64 + low.
-struct RowWeights {
-  explicit RowWeights(const Four& w)
-      : high{pair_of(w[0] >> 6, w[1] >> 6), pair_of(w[2] >> 6, w[3] >> 6)},
-        low{pair_of(w[0] & 63, w[1] & 63), pair_of(w[2] & 63, w[3] & 63)} {}
-  IntRegister sum(const Pairs& texels) const {
-    const IntRegister coarse =
-        multiply_add(texels.first, high.first) + multiply_add(texels.second, high.second);
-    return coarse * 64 + multiply_add(texels.first, low.first) +
-           multiply_add(texels.second, low.second);
-  }
-
- private:
-  static IntRegister pair_of(IntRegister a, IntRegister b) { return (a & 0xFFFF) | b << 16; }
-  Pairs high, low;
-};
-
 constexpr int kSteps = 20;  // bits of a weight
 static_assert(kOne == 1 << kSteps);
 constexpr double kPerOne = 1.0 / kOne;
+
+/// Two integers of 16 bits in a word of each lane.
+inline IntRegister pair_of(IntRegister low, IntRegister high) {
+  return (low & 0xFFFF) | high << 16;
+}
+/// The lower half of one word and the upper half of another.
+inline IntRegister halves_of(IntRegister low, IntRegister high) {
+  return (low & 0xFFFF) | (high & ~0xFFFF);
+}
+
+// Weights do not fit 16 bits, so they are split: high x 64 + low.
+constexpr int kLowBits = 6;
+inline IntRegister high_part(IntRegister weight) { return weight >> kLowBits; }
+inline IntRegister low_part(IntRegister weight) { return weight & ((1 << kLowBits) - 1); }
+
+/// Weights of a row.
+struct RowWeights {
+  explicit RowWeights(const Four& w) : high(parts(w, high_part)), low(parts(w, low_part)) {}
+  IntRegister sum(const Pairs& texels) const {
+    return (sum_of(high, texels) << kLowBits) + sum_of(low, texels);
+  }
+  static IntRegister sum_of(const Pairs& weights, const Pairs& texels) {
+    return multiply_add(texels.first, weights.first) + multiply_add(texels.second, weights.second);
+  }
+
+  Pairs high, low;
+
+ private:
+  template <class Part>
+  static Pairs parts(const Four& w, const Part& part) {
+    return {pair_of(part(w[0]), part(w[1])), pair_of(part(w[2]), part(w[3]))};
+  }
+};
+
+/// Weights of a row that is sharpened, and of the bends of the two in the middle.
+struct SharpRowWeights {
+  SharpRowWeights(const Four& w, const Moves& moves)
+      : weights(w),
+        high(pair_of(high_part(moves.first), high_part(moves.second))),
+        low(pair_of(low_part(moves.first), low_part(moves.second))),
+        both_high(pair_of(high_part(moves.first + moves.second), IntRegister{} + kHighOne)),
+        both_low(low_part(moves.first + moves.second)) {}
+  /// `bends`: of the left one and the right one.
+  IntRegister sum(const Pairs& texels, IntRegister bends) const {
+    const IntRegister coarse = RowWeights::sum_of(weights.high, texels) + multiply_add(bends, high);
+    return (coarse << kLowBits) + RowWeights::sum_of(weights.low, texels) +
+           multiply_add(bends, low);
+  }
+  /// A texel, in the upper half of its word, with all that its bend, in the lower half, is taken
+  /// of.
+  IntRegister moved(IntRegister bend_and_texel) const {
+    return (multiply_add(bend_and_texel, both_high) << kLowBits) +
+           multiply_add(bend_and_texel, both_low);
+  }
+
+ private:
+  static constexpr int kHighOne = kOne >> kLowBits;
+  RowWeights weights;
+  IntRegister high, low, both_high, both_low;
+};
 
 /// As kept_sum() of a row.
 [[gnu::always_inline]] inline IntRegister row_sum(const RowWeights& weights, const Pairs& texels) {
@@ -216,7 +259,7 @@ constexpr double kPerOne = 1.0 / kOne;
   const auto right = (ShortRegister)texels.second;
   const IntRegister least = (IntRegister)lesser(left, right) << kSteps,
                     most = (IntRegister)greater(left, right) << kSteps;
-  return lesser(greater(weights.sum(texels), least), most);
+  return integers(lesser(greater(ordered(weights.sum(texels)), ordered(least)), ordered(most)));
 }
 
 template <class T>
@@ -225,21 +268,20 @@ inline T kept(const T& sum, const T& a, const T& b) {
 }
 
 /// As sharpened_sum() of a row.
-[[gnu::always_inline]] inline IntRegister row_sum(const RowWeights& weights, const Moves& moves,
+[[gnu::always_inline]] inline IntRegister row_sum(const SharpRowWeights& weights,
                                                   const Pairs& texels) {
   const auto left = (IntRegister)((UintRegister)texels.first >> 16);
-  const IntRegister right = texels.second & 0xFFFF;
-  const auto own = (ShortRegister)(left | right << 16);
+  const auto own = (ShortRegister)(left | texels.second << 16);
   const ShortRegister to = own - (ShortRegister)texels.first,
                       from = (ShortRegister)texels.second - own;
   const ShortRegister room = lesser(own, 255 - own);
   const ShortRegister step = lesser(greater(to, -to), greater(from, -from));
   const ShortRegister most = lesser(step * 12, room * 24);
   const auto bends = (IntRegister)lesser(greater(to - from, -most), most);
-  const IntRegister bend_left = bends << 16 >> 16, bend_right = bends >> 16;
-  const IntRegister whole = moves.first + moves.second;
-  return kept(weights.sum(texels) + moves.first * bend_left + moves.second * bend_right,
-              (left << kSteps) + whole * bend_left, (right << kSteps) + whole * bend_right);
+  const auto right_bend = (IntRegister)((UintRegister)bends >> 16);
+  const IntRegister first = weights.moved(halves_of(bends, texels.first)),
+                    second = weights.moved(right_bend | texels.second << 16);
+  return integers(kept(ordered(weights.sum(texels, bends)), ordered(first), ordered(second)));
 }
 
 using Rows = std::array<Doubles, 4>;
@@ -287,17 +329,20 @@ template <std::size_t kChannels, bool kSharpened>
                                                                      const WeightsLanes& lanes,
                                                                      std::size_t first) {
   const Runs runs = runs_of(tile, places, first, kChannels);
-  Moves move_across{};
-  if constexpr (kSharpened) move_across = load_moves(lanes.move_across, first);
-  const RowWeights weights(load_four(lanes.across, first));
+  const Four across = load_four(lanes.across, first);
+  const auto weights = [&] {
+    if constexpr (kSharpened) {
+      return SharpRowWeights(across, load_moves(lanes.move_across, first));
+    } else {
+      return RowWeights(across);
+    }
+  }();
   std::array<Rows, kChannels> rows;
   for (std::size_t y = 0; y < 4; ++y) {
     const auto texels = load_row<kChannels>(
         runs, static_cast<std::ptrdiff_t>(y * store::kColourTileEdge * kChannels), y == 3);
-    for (std::size_t c = 0; c < kChannels; ++c) {
-      rows[c][y] = doubles_of(kSharpened ? row_sum(weights, move_across, texels[c])
-                                         : row_sum(weights, texels[c]));
-    }
+    for (std::size_t c = 0; c < kChannels; ++c)
+      rows[c][y] = doubles_of(row_sum(weights, texels[c]));
   }
   const Four down = load_four(lanes.down, first);
   Rows shares;

@@ -164,8 +164,23 @@ inline Doubles doubles_of(IntRegister a) {
   return {(DoubleRegister)_mm_cvtepi32_pd((__m128i)a),
           (DoubleRegister)_mm_cvtepi32_pd(_mm_unpackhi_epi64((__m128i)a, (__m128i)a))};
 }
-inline IntRegister lesser(IntRegister a, IntRegister b) { return a < b ? a : b; }
-inline IntRegister greater(IntRegister a, IntRegister b) { return a > b ? a : b; }
+#endif
+
+// Integers as something whose lesser and greater cost one instruction each.
+#if defined(__AVX2__)
+inline IntRegister ordered(IntRegister a) { return a; }
+inline IntRegister integers(IntRegister a) { return a; }
+#else
+/// SSE2 has these of floats alone. Bits of positive floats are ordered as the floats are, and where
+/// |a| is below 2^30 - 2^23, none of them is tiny, infinite or no number.
+struct Ordered {
+  __m128 bits;
+};
+constexpr std::int32_t kToPositive = 1 << 30;
+inline Ordered ordered(IntRegister a) { return {(__m128)(a + kToPositive)}; }
+inline IntRegister integers(const Ordered& a) { return (IntRegister)a.bits - kToPositive; }
+inline Ordered lesser(const Ordered& a, const Ordered& b) { return {_mm_min_ps(a.bits, b.bits)}; }
+inline Ordered greater(const Ordered& a, const Ordered& b) { return {_mm_max_ps(a.bits, b.bits)}; }
 #endif
 
 /// One bit per lane whose integer is not zero.
