@@ -192,15 +192,6 @@ constexpr int kSteps = 20;  // bits of a weight
 static_assert(kOne == 1 << kSteps);
 constexpr double kPerOne = 1.0 / kOne;
 
-/// Two integers of 16 bits in a word of each lane.
-inline IntRegister pair_of(IntRegister low, IntRegister high) {
-  return (low & 0xFFFF) | high << 16;
-}
-/// The lower half of one word and the upper half of another.
-inline IntRegister halves_of(IntRegister low, IntRegister high) {
-  return (low & 0xFFFF) | (high & ~0xFFFF);
-}
-
 // Weights do not fit 16 bits, so they are split: high x 64 + low.
 constexpr int kLowBits = 6;
 inline IntRegister high_part(IntRegister weight) { return weight >> kLowBits; }
@@ -221,7 +212,7 @@ struct RowWeights {
  private:
   template <class Part>
   static Pairs parts(const Four& w, const Part& part) {
-    return {pair_of(part(w[0]), part(w[1])), pair_of(part(w[2]), part(w[3]))};
+    return {pair<kLow, kLow>(part(w[0]), part(w[1])), pair<kLow, kLow>(part(w[2]), part(w[3]))};
   }
 };
 
@@ -229,9 +220,10 @@ struct RowWeights {
 struct SharpRowWeights {
   SharpRowWeights(const Four& w, const Moves& moves)
       : weights(w),
-        high(pair_of(high_part(moves.first), high_part(moves.second))),
-        low(pair_of(low_part(moves.first), low_part(moves.second))),
-        both_high(pair_of(high_part(moves.first + moves.second), IntRegister{} + kHighOne)),
+        high(pair<kLow, kLow>(high_part(moves.first), high_part(moves.second))),
+        low(pair<kLow, kLow>(low_part(moves.first), low_part(moves.second))),
+        both_high(
+            pair<kLow, kLow>(high_part(moves.first + moves.second), IntRegister{} + kHighOne)),
         both_low(low_part(moves.first + moves.second)) {}
   /// `bends`: of the left one and the right one.
   IntRegister sum(const Pairs& texels, IntRegister bends) const {
@@ -270,17 +262,15 @@ inline T kept(const T& sum, const T& a, const T& b) {
 /// As sharpened_sum() of a row.
 [[gnu::always_inline]] inline IntRegister row_sum(const SharpRowWeights& weights,
                                                   const Pairs& texels) {
-  const auto left = (IntRegister)((UintRegister)texels.first >> 16);
-  const auto own = (ShortRegister)(left | texels.second << 16);
+  const auto own = (ShortRegister)pair<kHigh, kLow>(texels.first, texels.second);
   const ShortRegister to = own - (ShortRegister)texels.first,
                       from = (ShortRegister)texels.second - own;
   const ShortRegister room = lesser(own, 255 - own);
   const ShortRegister step = lesser(greater(to, -to), greater(from, -from));
-  const ShortRegister most = lesser(step * 12, room * 24);
+  const ShortRegister most = lesser(step, room * 2) * 12;
   const auto bends = (IntRegister)lesser(greater(to - from, -most), most);
-  const auto right_bend = (IntRegister)((UintRegister)bends >> 16);
-  const IntRegister first = weights.moved(halves_of(bends, texels.first)),
-                    second = weights.moved(right_bend | texels.second << 16);
+  const IntRegister first = weights.moved(pair<kLow, kHigh>(bends, texels.first)),
+                    second = weights.moved(pair<kHigh, kLow>(bends, texels.second));
   return integers(kept(ordered(weights.sum(texels, bends)), ordered(first), ordered(second)));
 }
 
@@ -304,7 +294,7 @@ inline Doubles weighted_rows(const Rows& shares, const Rows& rows) {
                                               const Doubles& from) {
   constexpr double kMost = 255.0 * kOne;
   const Doubles room = lesser(row, kMost - row);
-  const Doubles most = lesser(12.0 * lesser(absolute(to), absolute(from)), 24.0 * room);
+  const Doubles most = 12.0 * lesser(lesser(absolute(to), absolute(from)), room + room);
   return lesser(greater(to - from, 0.0 - most), most);
 }
 

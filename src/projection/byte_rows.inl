@@ -5,6 +5,7 @@
 // by two weights and adds the products. Included by blend_lanes.inl, inside POUNCE_ISA_NAMESPACE.
 
 using ShortRegister = std::int16_t __attribute__((vector_size(4 * kGroup)));
+using UshortRegister = std::uint16_t __attribute__((vector_size(4 * kGroup)));
 
 #if defined(__AVX512DQ__)
 #define POUNCE_SI(name) _mm512_##name
@@ -65,27 +66,37 @@ struct Pairs {
   IntRegister first, second;
 };
 
-/// Byte `a` of one word and byte `b` of another.
-template <int kA, int kB>
+/// Bytes 0 and 2 of words, and bytes 1 and 3, as integers of 16 bits.
+struct Bytes {
+  explicit Bytes(IntRegister words)
+      : even(words & 0xFF00FF), odd((IntRegister)((UshortRegister)words >> 8)) {}
+  IntRegister even, odd;
+};
+
+enum class Half : bool { low, high };
+constexpr Half kLow = Half::low, kHigh = Half::high;
+
+/// A half of one word and a half of another.
+template <Half kA, Half kB>
 inline IntRegister pair(IntRegister a, IntRegister b) {
-  const auto ua = (UintRegister)a, ub = (UintRegister)b;
-  const UintRegister low = ua >> (8 * kA) & 0xFFU;
-  const UintRegister high = kB < 2 ? ub << (16 - 8 * kB) : ub >> (8 * kB - 16);
-  return (IntRegister)(low | (high & 0xFF0000U));
+  const IntRegister low = kA == Half::low ? a & 0xFFFF : (IntRegister)((UintRegister)a >> 16);
+  return low | (kB == Half::low ? b << 16 : b & ~0xFFFF);
 }
 
 /// The channels of four texels of three or four bytes each, which lie in words one after the other.
 template <std::size_t kChannels, class Words>
-inline std::array<Pairs, kChannels> bytes_of_words(const Words& w) {
+inline std::array<Pairs, kChannels> bytes_of_words(const Words& words) {
+  const Bytes a(words[0]), b(words[1]), c(words[2]);
   if constexpr (kChannels == 3) {
-    return {{{pair<0, 3>(w[0], w[0]), pair<2, 1>(w[1], w[2])},
-             {pair<1, 0>(w[0], w[1]), pair<3, 2>(w[1], w[2])},
-             {pair<2, 1>(w[0], w[1]), pair<0, 3>(w[2], w[2])}}};
+    return {{{pair<kLow, kHigh>(a.even, a.odd), pair<kHigh, kLow>(b.even, c.odd)},
+             {pair<kLow, kLow>(a.odd, b.even), pair<kHigh, kHigh>(b.odd, c.even)},
+             {pair<kHigh, kLow>(a.even, b.odd), pair<kLow, kHigh>(c.even, c.odd)}}};
   } else {
-    return {{{pair<0, 0>(w[0], w[1]), pair<0, 0>(w[2], w[3])},
-             {pair<1, 1>(w[0], w[1]), pair<1, 1>(w[2], w[3])},
-             {pair<2, 2>(w[0], w[1]), pair<2, 2>(w[2], w[3])},
-             {pair<3, 3>(w[0], w[1]), pair<3, 3>(w[2], w[3])}}};
+    const Bytes d(words[3]);
+    return {{{pair<kLow, kLow>(a.even, b.even), pair<kLow, kLow>(c.even, d.even)},
+             {pair<kLow, kLow>(a.odd, b.odd), pair<kLow, kLow>(c.odd, d.odd)},
+             {pair<kHigh, kHigh>(a.even, b.even), pair<kHigh, kHigh>(c.even, d.even)},
+             {pair<kHigh, kHigh>(a.odd, b.odd), pair<kHigh, kHigh>(c.odd, d.odd)}}};
   }
 }
 
@@ -100,12 +111,13 @@ template <std::size_t kChannels>
       std::memcpy(&v, runs[lane] + at, sizeof v);
       word[lane] = v;
     }
-    return {{{pair<0, 1>(word, word), pair<2, 3>(word, word)}}};
+    const Bytes bytes(word);
+    return {{{pair<kLow, kLow>(bytes.even, bytes.odd), pair<kHigh, kHigh>(bytes.even, bytes.odd)}}};
   } else if constexpr (kChannels == 2) {
     const auto words = turned(load_runs<false>(runs, 0, at), load_runs<false>(runs, 1, at),
                               load_runs<false>(runs, 2, at), load_runs<false>(runs, 3, at));
-    return {{{pair<0, 2>(words[0], words[0]), pair<0, 2>(words[1], words[1])},
-             {pair<1, 3>(words[0], words[0]), pair<1, 3>(words[1], words[1])}}};
+    const Bytes first(words[0]), second(words[1]);
+    return {{{first.even, second.even}, {first.odd, second.odd}}};
   } else {
     // Three channels are twelve bytes: what is loaded beside them lies behind, but of the last row,
     // which may be the end of the tile, before.
@@ -134,8 +146,8 @@ template <std::size_t kChannels>
                               POUNCE_SI(shuffle_epi8)(c, by), POUNCE_SI(shuffle_epi8)(d, by));
     std::array<Pairs, kChannels> out;
     for (std::size_t channel = 0; channel < kChannels; ++channel) {
-      const IntRegister word = words[channel];
-      out[channel] = {word & 0xFF00FF, (IntRegister)((UintRegister)word >> 8) & 0xFF00FF};
+      const Bytes bytes(words[channel]);
+      out[channel] = {bytes.even, bytes.odd};
     }
     return out;
 #else
