@@ -2,9 +2,9 @@
 #pragma once
 
 #include <atomic>
+#include <condition_variable>
 #include <cstdint>
 #include <exception>
-#include <future>
 #include <memory>
 #include <mutex>
 #include <unordered_map>
@@ -60,28 +60,32 @@ class BlockCache {
     if (auto kept = kept_block(entry)) return kept;
     if constexpr (!Reader::kReadsAlone) return read(entry);
     const std::uint64_t place = reader_.place(entry);
-    std::promise<BlockPtr> promise;
-    {
-      std::unique_lock lock(mutex_);
-      if (const auto other = under_way_.find(place); other != under_way_.end()) {
-        const std::shared_future<BlockPtr> made = other->second;
-        lock.unlock();
-        return made.get();
-      }
-      if (auto kept = kept_block(entry)) return kept;  // meanwhile
-      under_way_.emplace(place, promise.get_future().share());
+    std::unique_lock lock(mutex_);
+    if (const auto others = under_way_.find(place); others != under_way_.end()) {
+      const std::shared_ptr<Making> making = others->second;
+      made_.wait(lock, [&] { return making->block != nullptr || making->failure != nullptr; });
+      if (making->failure != nullptr) std::rethrow_exception(making->failure);
+      return making->block;
     }
-    BlockPtr made;
+    if (auto kept = kept_block(entry)) return kept;  // meanwhile
+    const auto making = std::make_shared<Making>();
+    under_way_.emplace(place, making);
+    lock.unlock();
+    BlockPtr block;
+    std::exception_ptr failure;
     try {
-      made = read(entry);
-      promise.set_value(made);
+      block = read(entry);
     } catch (...) {
-      promise.set_exception(std::current_exception());
-      end(place);
-      throw;
+      failure = std::current_exception();
     }
-    end(place);
-    return made;
+    lock.lock();
+    making->block = block;
+    making->failure = failure;
+    under_way_.erase(place);
+    lock.unlock();
+    made_.notify_all();
+    if (failure != nullptr) std::rethrow_exception(failure);
+    return block;
   }
   /// The same where it need not be decoded; else null.
   BlockPtr kept_block(const Entry& entry) const {
@@ -94,16 +98,20 @@ class BlockCache {
     budget_.keep({id_, reader_.place(entry)}, made, reader_.block_bytes(entry), reader_.reuse);
     return made;
   }
-  void end(std::uint64_t place) const {
-    const std::lock_guard lock(mutex_);
-    under_way_.erase(place);
-  }
+
+  /// Of one thread for all that ask meanwhile; one of the two once it is over. (A promise would
+  /// cost each block a call of the kernel, whether anybody waits or not.)
+  struct Making {
+    BlockPtr block;
+    std::exception_ptr failure;
+  };
 
   MemoryBudget& budget_;
   const Reader reader_;
   const std::uint64_t id_ = budget_.new_store();
   mutable std::mutex mutex_;  ///< guards what follows
-  mutable std::unordered_map<std::uint64_t, std::shared_future<BlockPtr>> under_way_;
+  mutable std::unordered_map<std::uint64_t, std::shared_ptr<Making>> under_way_;
+  mutable std::condition_variable made_;
   mutable std::atomic<std::uint64_t> indices_read_{0};
 };
 

@@ -72,7 +72,7 @@ class MemoryBudget {
     std::shared_ptr<const void> thing;
     std::uint64_t bytes;
     Reuse reuse;
-    std::uint64_t used_at;  ///< on the clock of uses_
+    std::uint64_t used_at;  ///< on the clock of uses_: no more than what it gained since lie ahead
   };
   using Recent = std::list<Kept>;  ///< most recently used first
   struct KeyHash {
@@ -90,7 +90,8 @@ class MemoryBudget {
   mutable std::mutex mutex_;  ///< guards everything below
   std::uint64_t leased_ = 0, cached_ = 0, peak_ = 0;
   std::array<Recent, 2> recent_;  ///< by Reuse
-  std::uint64_t uses_ = 0, stores_ = 0;
+  std::uint64_t uses_ = 0;        ///< things that were put to the front of a list
+  std::uint64_t stores_ = 0;
   std::uint64_t near_ = 0, near_most_ = kNearBytes;  ///< bytes of Reuse::near
   std::vector<bool> passed_;  ///< by hash of the key: was it dropped although there was room?
   std::unordered_map<CacheKey, Recent::iterator, KeyHash> kept_;

@@ -79,6 +79,18 @@ TEST_CASE("the least recently used thing goes first when a lease asks for room")
   CHECK(budget.leased_peak() == 100);
 }
 
+TEST_CASE("among many things those that are asked for stay, and others go in their order") {
+  runtime::MemoryBudget budget(64);
+  for (std::uint64_t item = 0; item < 64; ++item) budget.keep({1, item}, thing(), 1);
+  for (std::uint64_t round = 0; round < 500; ++round) {
+    for (const std::uint64_t hot : {10, 3, 10, 40}) CHECK(budget.find({1, hot}) != nullptr);
+    if (round % 3 == 0) budget.keep({1, 1000 + round}, thing(), 1);  // one of the others goes
+  }
+  // 167 came, so the last 61 of them are there beside the three.
+  for (std::uint64_t round = 0; round < 500; round += 3)
+    CHECK((budget.find({1, 1000 + round}) != nullptr) == (round / 3 >= 167 - 61));
+}
+
 TEST_CASE("what does not fit beside the leases is not kept, what is kept is kept once") {
   runtime::MemoryBudget budget(100);
   CHECK(budget.try_lease(70));
