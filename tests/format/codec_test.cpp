@@ -5,6 +5,8 @@
 
 #include <catch2/catch.hpp>
 #include <cstring>
+#include <memory>
+#include <random>
 
 #include "support/bytes.h"
 
@@ -164,6 +166,30 @@ TEST_CASE("both contexts of a compressor stay below one mebibyte", "[format]") {
   // The budget counts this much per thread; more than that would break it.
   CHECK(Compressor::context_bytes() > 64u << 10);
   CHECK(Compressor::context_bytes() < 1u << 20);
+}
+
+TEST_CASE("contexts do not outgrow what the budget counts, whatever they compress", "[format]") {
+  // As a Compressor's: windows of 128 KiB, both levels that stores use.
+  const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> compress(ZSTD_createCCtx(),
+                                                                      ZSTD_freeCCtx);
+  const std::unique_ptr<ZSTD_DCtx, decltype(&ZSTD_freeDCtx)> decompress(ZSTD_createDCtx(),
+                                                                        ZSTD_freeDCtx);
+  REQUIRE(!ZSTD_isError(ZSTD_CCtx_setParameter(compress.get(), ZSTD_c_windowLog, 17)));
+  std::mt19937 random(1);
+  std::vector<std::byte> raw(4u << 20), stored(ZSTD_compressBound(raw.size())), back(raw.size());
+  for (const unsigned bits : {0u, 4u, 8u}) {
+    for (std::byte& b : raw) b = static_cast<std::byte>(random() & ((1u << bits) - 1));
+    for (const int level : {kZstdLevel, kFastLevel, kZstdLevel}) {
+      ZSTD_CCtx_setParameter(compress.get(), ZSTD_c_compressionLevel, level);
+      const std::size_t size =
+          ZSTD_compress2(compress.get(), stored.data(), stored.size(), raw.data(), raw.size());
+      REQUIRE(!ZSTD_isError(size));
+      REQUIRE(ZSTD_decompressDCtx(decompress.get(), back.data(), back.size(), stored.data(),
+                                  size) == raw.size());
+      CHECK(ZSTD_sizeof_CCtx(compress.get()) + ZSTD_sizeof_DCtx(decompress.get()) <=
+            Compressor::context_bytes());
+    }
+  }
 }
 
 TEST_CASE("a byte shuffle puts byte k of every element into plane k", "[format]") {
