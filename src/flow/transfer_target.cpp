@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "core/hash.h"
+#include "flow/beside_fit.h"
 #include "flow/project/results.h"
 #include "flow/stores/build_stores.h"
 #include "flow/transfer_plan.h"
@@ -98,7 +99,8 @@ class TargetTransfer {
     if (target_.model && !is_shared() && !is_missing_) write_model();
     if (tally_->is_in_question()) {
       const StageTimer timer(job_.clock, "project");
-      tally_->fits(projection::fit_of(places_, source_.places(), target_.plan.diagonal));
+      if (!mesh_fit_.has_begun()) find_mesh_fit();
+      tally_->fits(mesh_fit_.end());
     }
     // Of parts nobody knows what their images lack.
     if (is_missing_ || makes_parts_) return true;
@@ -220,6 +222,7 @@ class TargetTransfer {
     const auto target = vectorize(p, page);
     const runtime::Lease directory(job_.budget, target->size_bytes(),
                                    "the directory of the target store");
+    is_last_ = is_last;
     if (is_last) target_.drop_mesh();  // from here on only stores are read, never the inputs
     const std::uint64_t read_before = source_.bytes_read(p);
     transfer_page(p, page, *target);
@@ -311,12 +314,20 @@ class TargetTransfer {
     const std::uint64_t texels = target.directory().texels;
     const PageResult result = project_page(p, page, target, results);
     tally_->add_page(p, page, source_.texels_of(result, texels), &result);
+    if (is_last_ && tally_->is_in_question()) find_mesh_fit();  // while its images are written
     const bool may_stay_empty =
         target_.model || (target_.plan.by_tile && !target_.plan.painted_over);
     const bool found = std::any_of(result.covered.begin(), result.covered.end(),
                                    [](std::uint64_t covered) { return covered > 0; });
     if (found || !may_stay_empty) return write_page(p, page, result, results);
     leave_empty({p, page});
+  }
+
+  void find_mesh_fit() {
+    mesh_fit_.begin([this] {
+      const WorkTimer finding(job_.clock, "project");
+      return projection::fit_of(places_, source_.places(), target_.plan.diagonal);
+    });
   }
 
   /// Where the progress bar stands when this share of the page and pass at hand is done. All pages
@@ -440,7 +451,9 @@ class TargetTransfer {
   std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
   /// What the finished steps of a model have made, until it is there.
   std::vector<std::unique_ptr<job::StepPack>> packs_of_model_;
+  BesideFit mesh_fit_;
   bool all_targets_cached_ = true;
+  bool is_last_ = false;          ///< the step at hand: nothing is projected after it
   bool is_missing_ = false;       ///< some image could not be assembled
   bool makes_parts_ = false;      ///< of images that others assemble
   std::uint64_t steps_done_ = 0;  ///< passes of pages
