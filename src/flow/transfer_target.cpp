@@ -25,7 +25,6 @@
 #include <vector>
 
 #include "core/hash.h"
-#include "flow/beside_fit.h"
 #include "flow/project/results.h"
 #include "flow/stores/build_stores.h"
 #include "flow/transfer_plan.h"
@@ -36,6 +35,7 @@
 #include "planning/half_done.h"
 #include "planning/others_outputs.h"
 #include "projection/mesh_fit.h"
+#include "runtime/shared_work.h"
 #include "surface/strewn_places.h"
 
 namespace pounce::flow {
@@ -99,8 +99,9 @@ class TargetTransfer {
     if (target_.model && !is_shared() && !is_missing_) write_model();
     if (tally_->is_in_question()) {
       const StageTimer timer(job_.clock, "project");
-      if (!mesh_fit_.has_begun()) find_mesh_fit();
-      tally_->fits(mesh_fit_.end());
+      if (!mesh_fit_) find_mesh_fit();
+      if (finding_fit_ != nullptr) finding_fit_->wait();
+      tally_->fits(*mesh_fit_);
     }
     // Of parts nobody knows what their images lack.
     if (is_missing_ || makes_parts_) return true;
@@ -323,10 +324,11 @@ class TargetTransfer {
     leave_empty({p, page});
   }
 
+  /// By another thread, where there is one: in the same time many threads make many texels.
   void find_mesh_fit() {
-    mesh_fit_.begin([this] {
-      const WorkTimer finding(job_.clock, "project");
-      return projection::fit_of(places_, source_.places(), target_.plan.diagonal);
+    mesh_fit_.emplace();
+    finding_fit_ = runtime::begin_work([this] {
+      mesh_fit_ = projection::fit_of(places_, source_.places(), target_.plan.diagonal);
     });
   }
 
@@ -451,7 +453,8 @@ class TargetTransfer {
   std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
   /// What the finished steps of a model have made, until it is there.
   std::vector<std::unique_ptr<job::StepPack>> packs_of_model_;
-  BesideFit mesh_fit_;
+  std::optional<projection::MeshFit> mesh_fit_;  ///< of the target: once it is looked for
+  std::unique_ptr<BegunWork> finding_fit_;       ///< writes it; before what it reads goes
   bool all_targets_cached_ = true;
   bool is_last_ = false;          ///< the step at hand: nothing is projected after it
   bool is_missing_ = false;       ///< some image could not be assembled

@@ -448,8 +448,9 @@ bool TargetTally::is_in_question() {
   const auto& found = target().distances;
   const std::uint64_t near = std::accumulate(
       found.begin(), found.begin() + static_cast<std::ptrdiff_t>(bins), std::uint64_t{0});
-  target().fit = 1;
-  return near * 100 < counts.texels * kMostPercent;
+  const bool is_asked = near * 100 < counts.texels * kMostPercent;
+  if (!is_asked) target().fit = 1;
+  return is_asked;
 }
 
 /// The source lies much nearer to the target where that is moved.

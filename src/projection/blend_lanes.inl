@@ -231,8 +231,7 @@ struct SharpRowWeights {
     return (coarse << kLowBits) + RowWeights::sum_of(weights.low, texels) +
            multiply_add(bends, low);
   }
-  /// A texel, in the upper half of its word, with all that its bend, in the lower half, is taken
-  /// of.
+  /// A texel, in the upper half of its word, and all that is taken of its bend, in the lower half.
   IntRegister moved(IntRegister bend_and_texel) const {
     return (multiply_add(bend_and_texel, both_high) << kLowBits) +
            multiply_add(bend_and_texel, both_low);

@@ -171,8 +171,8 @@ inline Doubles doubles_of(IntRegister a) {
 inline IntRegister ordered(IntRegister a) { return a; }
 inline IntRegister integers(IntRegister a) { return a; }
 #else
-/// SSE2 has these of floats alone. Bits of positive floats are ordered as the floats are, and where
-/// |a| is below 2^30 - 2^23, none of them is tiny, infinite or no number.
+/// Of 32 bits SSE2 has these for floats alone. Bits of positive floats are ordered as the floats
+/// are, and where |a| is below 2^30 - 2^23, none of them is tiny, infinite or no number.
 struct Ordered {
   __m128 bits;
 };

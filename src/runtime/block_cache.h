@@ -99,8 +99,8 @@ class BlockCache {
     return made;
   }
 
-  /// Of one thread for all that ask meanwhile; one of the two once it is over. (A promise would
-  /// cost each block a call of the kernel, whether anybody waits or not.)
+  /// What one thread makes for all that ask meanwhile: a block or a failure, once it is over. (A
+  /// promise would cost each block a call of the kernel, whether anybody waits or not.)
   struct Making {
     BlockPtr block;
     std::exception_ptr failure;

@@ -72,9 +72,11 @@ class MemoryBudget {
     std::shared_ptr<const void> thing;
     std::uint64_t bytes;
     Reuse reuse;
-    std::uint64_t used_at;  ///< on the clock of uses_: no more than what it gained since lie ahead
+    /// When it was last put to the front, on the clock of uses_: no more than uses_ - used_at
+    /// things lie ahead of it.
+    std::uint64_t used_at;
   };
-  using Recent = std::list<Kept>;  ///< most recently used first
+  using Recent = std::list<Kept>;  ///< most recently used first, but for the first eighth
   struct KeyHash {
     std::size_t operator()(const CacheKey& k) const {
       return k.store * 0x9E3779B97F4A7C15ULL ^ k.item;

@@ -176,18 +176,20 @@ TEST_CASE("contexts do not outgrow what the budget counts, whatever they compres
                                                                         ZSTD_freeDCtx);
   REQUIRE(!ZSTD_isError(ZSTD_CCtx_setParameter(compress.get(), ZSTD_c_windowLog, 17)));
   std::mt19937 random(1);
-  std::vector<std::byte> raw(4u << 20), stored(ZSTD_compressBound(raw.size())), back(raw.size());
+  std::vector<std::byte> all(4u << 20), stored(ZSTD_compressBound(all.size())), back(all.size());
   for (const unsigned bits : {0u, 4u, 8u}) {
-    for (std::byte& b : raw) b = static_cast<std::byte>(random() & ((1u << bits) - 1));
-    for (const int level : {kZstdLevel, kFastLevel, kZstdLevel}) {
-      ZSTD_CCtx_setParameter(compress.get(), ZSTD_c_compressionLevel, level);
-      const std::size_t size =
-          ZSTD_compress2(compress.get(), stored.data(), stored.size(), raw.data(), raw.size());
-      REQUIRE(!ZSTD_isError(size));
-      REQUIRE(ZSTD_decompressDCtx(decompress.get(), back.data(), back.size(), stored.data(),
-                                  size) == raw.size());
-      CHECK(ZSTD_sizeof_CCtx(compress.get()) + ZSTD_sizeof_DCtx(decompress.get()) <=
-            Compressor::context_bytes());
+    for (std::byte& b : all) b = static_cast<std::byte>(random() & ((1u << bits) - 1));
+    for (const std::size_t bytes : {1u << 12, 1u << 14, 1u << 17, 1u << 18, 4u << 20}) {
+      for (const int level : {kZstdLevel, kFastLevel}) {
+        ZSTD_CCtx_setParameter(compress.get(), ZSTD_c_compressionLevel, level);
+        const std::size_t size =
+            ZSTD_compress2(compress.get(), stored.data(), stored.size(), all.data(), bytes);
+        REQUIRE(!ZSTD_isError(size));
+        REQUIRE(ZSTD_decompressDCtx(decompress.get(), back.data(), back.size(), stored.data(),
+                                    size) == bytes);
+        CHECK(ZSTD_sizeof_CCtx(compress.get()) + ZSTD_sizeof_DCtx(decompress.get()) <=
+              Compressor::context_bytes());
+      }
     }
   }
 }
