@@ -61,9 +61,7 @@ void footprints(const HitPacket& hit, const AxesLanes& axes, const Vec2Lanes& sc
   }
 }
 
-inline unsigned any_above_zero(const Doubles& a) {
-  return bits_of_group(truncated(where_less(doubles(0), a, doubles(1), doubles(0))));
-}
+inline unsigned any_above_zero(const Doubles& a) { return bits_of_less(doubles(0), a); }
 
 /// One side's lookups.
 struct Side {
@@ -75,7 +73,7 @@ inline Side spread(const Doubles& x, const Doubles& y, const Doubles& texel) {
   const Doubles length2 = x * x + y * y, own = kExact * texel, own2 = own * own;
   const Doubles zero = doubles(0), one = doubles(1);
   // Square roots and quotients take longer than all else here.
-  if (any_above_zero(where_less(own2, length2, one, zero)) == 0) return {zero, zero, one};
+  if (bits_of_less(own2, length2) == 0) return {zero, zero, one};
   const Doubles width = square_root(length2 - own2);
   const Doubles wanted = lesser(width / (kSpacing * texel), doubles(kMostLookups));
   const Doubles below = doubles_of(truncated(wanted));

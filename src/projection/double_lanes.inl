@@ -120,7 +120,12 @@ inline Doubles over_255(const Doubles& a, double unit) {
 }
 #undef POUNCE_PD
 #undef POUNCE_RD
-inline Doubles absolute(const Doubles& a) { return greater(a, 0.0 - a); }
+inline Doubles absolute(const Doubles& a) {
+  using Bits = std::int64_t __attribute__((vector_size(sizeof(DoubleRegister))));
+  constexpr std::int64_t kAllButSign = std::numeric_limits<std::int64_t>::max();
+  return {(DoubleRegister)((Bits)a.low & kAllButSign),
+          (DoubleRegister)((Bits)a.high & kAllButSign)};
+}
 
 #if defined(__AVX512DQ__)
 /// Towards zero; values that do not fit become some number.
@@ -182,6 +187,37 @@ inline IntRegister integers(const Ordered& a) { return (IntRegister)a.bits - kTo
 inline Ordered lesser(const Ordered& a, const Ordered& b) { return {_mm_min_ps(a.bits, b.bits)}; }
 inline Ordered greater(const Ordered& a, const Ordered& b) { return {_mm_max_ps(a.bits, b.bits)}; }
 #endif
+
+/// One bit per lane in which a < b, and all bits of those lanes.
+inline unsigned bits_of_less(const Doubles& a, const Doubles& b) {
+#if defined(__AVX512DQ__)
+  const auto half = [](DoubleRegister x, DoubleRegister y) -> unsigned {
+    return _mm512_cmp_pd_mask((__m512d)x, (__m512d)y, _CMP_LT_OQ);
+  };
+#elif defined(__AVX2__)
+  const auto half = [](DoubleRegister x, DoubleRegister y) {
+    return static_cast<unsigned>(
+        _mm256_movemask_pd(_mm256_cmp_pd((__m256d)x, (__m256d)y, _CMP_LT_OQ)));
+  };
+#else
+  const auto half = [](DoubleRegister x, DoubleRegister y) {
+    return static_cast<unsigned>(_mm_movemask_pd(_mm_cmplt_pd((__m128d)x, (__m128d)y)));
+  };
+#endif
+  return half(a.low, b.low) | half(a.high, b.high) << kHalf;
+}
+inline IntRegister lanes_of_less(const Doubles& a, const Doubles& b) {
+#if defined(__AVX512DQ__)
+  return (IntRegister)_mm512_movm_epi32(static_cast<__mmask16>(bits_of_less(a, b)));
+#elif defined(__AVX2__)
+  const auto low = (__m256)(a.low < b.low), high = (__m256)(a.high < b.high);
+  // Halves of 128 bits are shuffled each by itself.
+  const auto mixed = (__m256i)_mm256_shuffle_ps(low, high, 0x88);
+  return (IntRegister)_mm256_permute4x64_epi64(mixed, 0xD8);
+#else
+  return (IntRegister)_mm_shuffle_ps((__m128)(a.low < b.low), (__m128)(a.high < b.high), 0x88);
+#endif
+}
 
 /// One bit per lane whose integer is not zero.
 inline unsigned bits_of_group(IntRegister mask) {

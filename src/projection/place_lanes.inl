@@ -23,10 +23,7 @@ inline Place place_along(Doubles at, std::uint32_t size, std::uint32_t level_siz
   out.at = at;
   out.texel = truncated(whole);
   out.rest = at - whole;
-  const Doubles zero = doubles(0), one = doubles(1);
-  out.inside = truncated(where_less(
-                   at, doubles(level_size),
-                   where_less(at, zero, zero, where_less(zero - 1.0, at, one, zero)), zero)) != 0;
+  out.inside = lanes_of_less(at, doubles(level_size)) & ~lanes_of_less(at, doubles(0));
   return out;
 }
 

@@ -16,8 +16,7 @@ inline Four keys_of(double a, const Doubles& u) {
   const Doubles x = where_less(u, half, rest, u);
   const IntRegister nearer = step(((a + 2) * x - (a + 3)) * x * x + 1.0);
   const IntRegister other = kOne - before - nearer - after;
-  const IntRegister left_is_near =
-      truncated(where_less(u, half, doubles(1), doubles(0))) != 0;  // and gets what is left over
+  const IntRegister left_is_near = lanes_of_less(u, half);  // and gets what is left over
   return {before, left_is_near ? other : nearer, left_is_near ? nearer : other, after};
 }
 
