@@ -58,6 +58,28 @@ TEST_CASE("a plan says what the job then does, and writes nothing", "[flow]") {
         std::vector<std::string>{square.options.output, square.options.image.coverage_output});
 }
 
+TEST_CASE("a job that is stopped while it writes says no fit that it has not found out", "[flow]") {
+  Square square;
+  std::ofstream(square.folder.file("off.obj"))
+      << "v 0 0 0.05\nv 1 0 0.05\nv 1 1 0.05\nv 0 1 0.05\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+         "f 1/1 2/2 3/3 4/4\n";
+  square.options.targets = {square.folder.file("off.obj")};
+  Progress progress;
+  bool wrote = false;
+  progress.on_event = [&](const ProgressEvent& event) {
+    if (event.stage != "write") return;
+    wrote = true;
+    progress.cancel();
+  };
+  Report so_far;
+  CHECK(error_kind([&] { transfer(square.options, &progress, &so_far); }) ==
+        static_cast<int>(ErrorKind::cancelled));
+  CHECK(wrote);
+  REQUIRE(so_far.targets.size() == 1);
+  CHECK(so_far.targets.front().fit == std::nullopt);
+  CHECK(transfer(square.options).targets.front().fit.has_value());
+}
+
 TEST_CASE("a plan that cannot be carried out throws what the job would", "[flow]") {
   Square square;
   std::string message;
