@@ -6,9 +6,9 @@
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <memory>
-#include <random>
 
 #include "support/bytes.h"
+#include "support/random.h"
 
 namespace pounce::store {
 namespace {
@@ -175,10 +175,10 @@ TEST_CASE("contexts do not outgrow what the budget counts, whatever they compres
   const std::unique_ptr<ZSTD_DCtx, decltype(&ZSTD_freeDCtx)> decompress(ZSTD_createDCtx(),
                                                                         ZSTD_freeDCtx);
   REQUIRE(!ZSTD_isError(ZSTD_CCtx_setParameter(compress.get(), ZSTD_c_windowLog, 17)));
-  std::mt19937 random(1);
+  test::Random random(1);
   std::vector<std::byte> all(4u << 20), stored(ZSTD_compressBound(all.size())), back(all.size());
   for (const unsigned bits : {0u, 4u, 8u}) {
-    for (std::byte& b : all) b = static_cast<std::byte>(random() & ((1u << bits) - 1));
+    for (std::byte& b : all) b = static_cast<std::byte>(random.below(1u << bits));
     for (const std::size_t bytes : {1u << 12, 1u << 14, 1u << 17, 1u << 18, 4u << 20}) {
       for (const int level : {kZstdLevel, kFastLevel}) {
         ZSTD_CCtx_setParameter(compress.get(), ZSTD_c_compressionLevel, level);
