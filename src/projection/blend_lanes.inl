@@ -38,30 +38,29 @@ using surface::kLanes;
 
 // --- footprints ----------------------------------------------------------------------------------
 
-/// The lanes' values in `lanes`, else 0: what others hold may be no number.
-inline Doubles only(IntRegister lanes, const Doubles& value) {
-  return where_less(doubles(0), doubles_of(lanes & 1), value, doubles(0));
-}
-
 void footprints(const HitPacket& hit, const AxesLanes& axes, const Vec2Lanes& scale, unsigned lanes,
                 FootprintLanes& out) {
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    const IntRegister used = lanes_of(lanes >> first);
-    const auto along = [&](const float(&by)[3][kLanes], const std::array<Sixteen<float>, 3>& way,
-                           const Sixteen<double>& times) {
-      const auto product = [&](std::size_t i) {
-        return doubles_at(by[i] + first) * doubles_at(way[i].data() + first);
-      };
-      return only(used, (product(0) + product(1) + product(2)) * load(times.data() + first));
+    const DoubleMask used = mask_of(lanes >> first);  // what others hold may be no number
+    using Three = std::array<Doubles, 3>;
+    const auto three = [first](const auto& of) -> Three {
+      return {doubles_at(&of[0][first]), doubles_at(&of[1][first]), doubles_at(&of[2][first])};
     };
-    store(out.ax.data() + first, along(hit.x_by, axes.x, scale.x));
-    store(out.ay.data() + first, along(hit.y_by, axes.x, scale.y));
-    store(out.bx.data() + first, along(hit.x_by, axes.y, scale.x));
-    store(out.by.data() + first, along(hit.y_by, axes.y, scale.y));
+    const auto along = [used](const Three& by, const Three& way, const Doubles& times) {
+      return only(used, (by[0] * way[0] + by[1] * way[1] + by[2] * way[2]) * times);
+    };
+    // All is read before anything is written, of which the compiler cannot know where it lies.
+    const Three x_by = three(hit.x_by), y_by = three(hit.y_by);
+    const Doubles times_x = load(scale.x.data() + first), times_y = load(scale.y.data() + first);
+    const Three way_a = three(axes.x), way_b = three(axes.y);
+    const Doubles ax = along(x_by, way_a, times_x), ay = along(y_by, way_a, times_y),
+                  bx = along(x_by, way_b, times_x), by = along(y_by, way_b, times_y);
+    store(out.ax.data() + first, ax);
+    store(out.ay.data() + first, ay);
+    store(out.bx.data() + first, bx);
+    store(out.by.data() + first, by);
   }
 }
-
-inline unsigned any_above_zero(const Doubles& a) { return bits_of_less(doubles(0), a); }
 
 /// One side's lookups.
 struct Side {
@@ -72,22 +71,21 @@ struct Side {
 inline Side spread(const Doubles& x, const Doubles& y, const Doubles& texel) {
   const Doubles length2 = x * x + y * y, own = kExact * texel, own2 = own * own;
   const Doubles zero = doubles(0), one = doubles(1);
+  const DoubleMask is_long = less(own2, length2);
   // Square roots and quotients take longer than all else here.
-  if (bits_of_less(own2, length2) == 0) return {zero, zero, one};
+  if (bits_of(is_long) == 0) return {zero, zero, one};
   const Doubles width = square_root(length2 - own2);
   const Doubles wanted = lesser(width / (kSpacing * texel), doubles(kMostLookups));
-  const Doubles below = doubles_of(truncated(wanted));
-  const Doubles above = where_less(below, wanted, below + 1.0, below);
-  const Doubles count = greater(above, doubles(2));
+  const Doubles below = whole_below(wanted);
+  const Doubles count = greater(below + only(less(below, wanted), one), doubles(2));
   const Doubles scale = width / square_root(length2 * (count * count - 1.0));
-  return {where_less(own2, length2, x * scale, zero), where_less(own2, length2, y * scale, zero),
-          where_less(own2, length2, count, one)};
+  return {only(is_long, x * scale), only(is_long, y * scale), one + only(is_long, count - 1.0)};
 }
 
 /// As lookups_at(); returns the number of lookups.
-inline Doubles lookups_at(const Doubles& ax, const Doubles& ay, const Doubles& bx,
-                          const Doubles& by, const Doubles& level, const Doubles& texel,
-                          const Doubles& share, std::size_t first, LookupsLanes& out) {
+[[gnu::noinline]] Doubles lookups_at(const Doubles& ax, const Doubles& ay, const Doubles& bx,
+                                     const Doubles& by, const Doubles& level, const Doubles& texel,
+                                     const Doubles& share, std::size_t first, LookupsLanes& out) {
   const Side a = spread(ax, ay, texel), b = spread(bx, by, texel);
   const Doubles count = a.count * b.count;
   store(out.step_ax.data() + first, a.step_x);
@@ -104,8 +102,9 @@ inline Doubles lookups_at(const Doubles& ax, const Doubles& ay, const Doubles& b
 /// As sharpening_of(), along one axis of the image.
 inline IntRegister sharpening(const Doubles& a, const Doubles& b) {
   const Doubles finer = kFine * kFine - (a * a + b * b);
-  const Doubles steps = kSharpest * finer / (kFine * kFine) + 0.5;
-  return truncated(where_less(doubles(0), finer, steps, doubles(0)));
+  const DoubleMask is_finer = less(doubles(0), finer);
+  if (bits_of(is_finer) == 0) return IntRegister{};
+  return truncated(only(is_finer, kSharpest * finer / (kFine * kFine) + 0.5));
 }
 
 /// As lookups_of(), for the group from lane `first` on.
@@ -118,43 +117,40 @@ void lookups_of_group(const FootprintLanes& footprints, const Sixteen<std::int32
   store_register(out.down.data() + first, sharpening(ay, by));
   Doubles aa = ax * ax + ay * ay, bb = bx * bx + by * by;
   const Doubles most = doubles(kMostTexels2);
-  const Doubles is_wide = where_less(
-      aa, most,
-      where_less(bb, most, where_less(doubles(kExact * kExact), greater(aa, bb), one, zero), zero),
-      zero);
+  const DoubleMask is_wide =
+      less(aa, most) & less(bb, most) & less(doubles(kExact * kExact), greater(aa, bb));
   constexpr unsigned kAll = (1U << kGroup) - 1;
-  if (any_above_zero(is_wide) == 0) {
+  if (bits_of(is_wide) == 0) {
     lookups_at(zero, zero, zero, zero, zero, one, one, first, out.sets[0]);
     out.single |= kAll << first;
     return;
   }
   // What is not, is one lookup: as a footprint without sides is.
-  ax = where_less(zero, is_wide, ax, zero);
-  ay = where_less(zero, is_wide, ay, zero);
-  bx = where_less(zero, is_wide, bx, zero);
-  by = where_less(zero, is_wide, by, zero);
-  aa = where_less(zero, is_wide, aa, zero);
-  bb = where_less(zero, is_wide, bb, zero);
+  ax = only(is_wide, ax);
+  ay = only(is_wide, ay);
+  bx = only(is_wide, bx);
+  by = only(is_wide, by);
+  aa = only(is_wide, aa);
+  bb = only(is_wide, bb);
   const Doubles sum = aa + bb, area = ax * by - ay * bx;
   const Doubles apart = square_root(greater(sum * sum - 4.0 * area * area, zero));
   const Doubles wide = square_root((sum + apart) / 2.0);
-  const Doubles narrow = where_less(zero, wide, absolute(area) / wide, zero);
+  const Doubles narrow = only(less(zero, wide), absolute(area) / wide);
   Doubles size = greater(narrow / kNarrow, wide / kLong);
   const Doubles last = doubles_of(load_ints(last_level.data() + first));
   Doubles level = zero, texel = one;
   for (;;) {
-    const Doubles deeper = where_less(level, last, where_less(size, doubles(2), zero, one), zero);
-    if (any_above_zero(deeper) == 0) break;
-    size = where_less(zero, deeper, size / 2.0, size);
-    texel = where_less(zero, deeper, texel * 2.0, texel);
-    level = level + deeper;
+    const DoubleMask deeper = less(level, last) & at_most(doubles(2), size);
+    if (bits_of(deeper) == 0) break;
+    size = size - only(deeper, size / 2.0);
+    texel = texel + only(deeper, texel);
+    level = level + only(deeper, one);
   }
-  const Doubles next = where_less(
-      level, last,
-      where_less(doubles(kBlendFrom), size, (size - kBlendFrom) / (2 - kBlendFrom), zero), zero);
-  const unsigned two = any_above_zero(next);
+  const DoubleMask is_between = less(level, last) & less(doubles(kBlendFrom), size);
+  const Doubles next = only(is_between, (size - kBlendFrom) / (2 - kBlendFrom));
+  const unsigned two = bits_of(is_between);
   const Doubles count = lookups_at(ax, ay, bx, by, level, texel, 1.0 - next, first, out.sets[0]);
-  const unsigned several = any_above_zero(count - 1.0);
+  const unsigned several = bits_of(less(one, count));
   if (two != 0) lookups_at(ax, ay, bx, by, level + 1.0, texel * 2.0, next, first, out.sets[1]);
   out.two |= two << first;
   out.single |= (kAll & ~two & ~several) << first;
@@ -271,40 +267,39 @@ inline T kept(const T& sum, const T& a, const T& b) {
   return integers(kept(ordered(weights.sum(texels, bends)), ordered(first), ordered(second)));
 }
 
-using Rows = std::array<Doubles, 4>;
+// What follows takes half a group at a time: more would not stay in registers.
+using Rows = std::array<DoubleRegister, 4>;
 
 /// The sum of rows; shares are a whole number of steps of kPerOne each.
-inline Doubles weighted_rows(const Rows& shares, const Rows& rows) {
-  Doubles sum = shares[0] * rows[0];
+inline DoubleRegister weighted_rows(const Rows& shares, const Rows& rows) {
+  DoubleRegister sum = shares[0] * rows[0];
   for (std::size_t i = 1; i < 4; ++i) sum = exact_sum(shares[i], rows[i], sum);
   return sum;
 }
 
 /// As kept_sum() of rows.
-[[gnu::always_inline]] inline Doubles column_sum(const Rows& shares, const Rows& rows) {
-  return lesser(greater(weighted_rows(shares, rows), lesser(rows[1], rows[2])),
-                greater(rows[1], rows[2]));
+[[gnu::always_inline]] inline DoubleRegister column_sum(const Rows& shares, const Rows& rows) {
+  return kept(weighted_rows(shares, rows), rows[1], rows[2]);
 }
 
 /// As bend() of rows.
-[[gnu::always_inline]] inline Doubles bend_of(const Doubles& row, const Doubles& to,
-                                              const Doubles& from) {
+[[gnu::always_inline]] inline DoubleRegister bend_of(DoubleRegister row, DoubleRegister to,
+                                                     DoubleRegister from) {
   constexpr double kMost = 255.0 * kOne;
-  const Doubles room = lesser(row, kMost - row);
-  const Doubles most = 12.0 * lesser(lesser(absolute(to), absolute(from)), room + room);
-  return lesser(greater(to - from, 0.0 - most), most);
+  const DoubleRegister room = lesser(row, kMost - row);
+  const DoubleRegister most = 12.0 * lesser(lesser(absolute(to), absolute(from)), room + room);
+  return lesser(greater(to - from, -most), most);
 }
 
 /// As sharpened_sum() of rows; so are moves.
-[[gnu::always_inline]] inline Doubles column_sum(const Rows& shares,
-                                                 const std::array<Doubles, 2>& moves,
-                                                 const Rows& rows) {
-  const Doubles &left = rows[1], &right = rows[2];
-  const Doubles between = right - left;
-  const Doubles bend_left = bend_of(left, left - rows[0], between),
-                bend_right = bend_of(right, between, rows[3] - right);
-  const Doubles whole = moves[0] + moves[1];
-  const Doubles sum =
+[[gnu::always_inline]] inline DoubleRegister column_sum(const Rows& shares,
+                                                        const std::array<DoubleRegister, 2>& moves,
+                                                        const Rows& rows) {
+  const DoubleRegister left = rows[1], right = rows[2], between = right - left;
+  const DoubleRegister bend_left = bend_of(left, left - rows[0], between),
+                       bend_right = bend_of(right, between, rows[3] - right);
+  const DoubleRegister whole = moves[0] + moves[1];
+  const DoubleRegister sum =
       exact_sum(moves[1], bend_right, exact_sum(moves[0], bend_left, weighted_rows(shares, rows)));
   return kept(sum, exact_sum(whole, bend_left, left), exact_sum(whole, bend_right, right));
 }
@@ -324,25 +319,34 @@ template <std::size_t kChannels, bool kSharpened>
       return RowWeights(across);
     }
   }();
-  std::array<Rows, kChannels> rows;
+  alignas(64) std::int32_t sums[kChannels][4][kGroup];
   for (std::size_t y = 0; y < 4; ++y) {
     const auto texels = load_row<kChannels>(
         runs, static_cast<std::ptrdiff_t>(y * store::kColourTileEdge * kChannels), y == 3);
     for (std::size_t c = 0; c < kChannels; ++c)
-      rows[c][y] = doubles_of(row_sum(weights, texels[c]));
+      store_register(sums[c][y], row_sum(weights, texels[c]));
   }
-  const Four down = load_four(lanes.down, first);
-  Rows shares;
-  for (std::size_t y = 0; y < 4; ++y) shares[y] = doubles_of(down[y]) * kPerOne;
   std::array<Doubles, kChannels> out;
-  if constexpr (kSharpened) {
-    const Moves move_down = load_moves(lanes.move_down, first);
-    const std::array<Doubles, 2> moves{doubles_of(move_down.first) * kPerOne,
-                                       doubles_of(move_down.second) * kPerOne};
-    for (std::size_t c = 0; c < kChannels; ++c) out[c] = column_sum(shares, moves, rows[c]);
-  } else {
-    for (std::size_t c = 0; c < kChannels; ++c) out[c] = column_sum(shares, rows[c]);
-  }
+  const auto columns = [&](std::size_t at, DoubleRegister Doubles::*half)
+      __attribute__((always_inline)) {
+    const auto share_of = [&](const Sixteen<std::int32_t>& weight) {
+      return half_at(weight.data() + first + at) * kPerOne;
+    };
+    Rows shares;
+    for (std::size_t y = 0; y < 4; ++y) shares[y] = share_of(lanes.down[y]);
+    for (std::size_t c = 0; c < kChannels; ++c) {
+      Rows rows;
+      for (std::size_t y = 0; y < 4; ++y) rows[y] = half_at(sums[c][y] + at);
+      if constexpr (kSharpened) {
+        out[c].*half =
+            column_sum(shares, {share_of(lanes.move_down[0]), share_of(lanes.move_down[1])}, rows);
+      } else {
+        out[c].*half = column_sum(shares, rows);
+      }
+    }
+  };
+  columns(0, &Doubles::low);
+  columns(kHalf, &Doubles::high);
   return out;
 }
 

@@ -33,29 +33,25 @@ POUNCE_ARITHMETIC(/)
 #undef POUNCE_ARITHMETIC
 
 inline Doubles load(const double* at) {
-  Doubles out;
-  std::memcpy(&out, at, sizeof out);
-  return out;
+  return {load_register<DoubleRegister>(at), load_register<DoubleRegister>(at + kHalf)};
 }
 inline Doubles doubles_at(const float* at) {
-  using HalfFloats = float __attribute__((vector_size(4 * kHalf)));
-  HalfFloats low, high;
-  std::memcpy(&low, at, sizeof low);
-  std::memcpy(&high, at + kHalf, sizeof high);
-  return {__builtin_convertvector(low, DoubleRegister),
-          __builtin_convertvector(high, DoubleRegister)};
+#if defined(__AVX512DQ__)
+  const auto half = [](const float* from) { return _mm512_cvtps_pd(_mm256_loadu_ps(from)); };
+#elif defined(__AVX2__)
+  const auto half = [](const float* from) { return _mm256_cvtps_pd(_mm_loadu_ps(from)); };
+#else
+  const auto half = [](const float* from) {
+    return _mm_cvtps_pd(_mm_castsi128_ps(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(from))));
+  };
+#endif
+  return {(DoubleRegister)half(at), (DoubleRegister)half(at + kHalf)};
 }
-inline void store(double* at, const Doubles& value) { std::memcpy(at, &value, sizeof value); }
-inline IntRegister load_ints(const std::int32_t* at) {
-  IntRegister out;
-  std::memcpy(&out, at, sizeof out);
-  return out;
+inline void store(double* at, const Doubles& value) {
+  store_register(at, value.low);
+  store_register(at + kHalf, value.high);
 }
-template <class T, class Register>
-inline void store_register(T* at, Register value) {
-  static_assert(sizeof(T) == 4 && sizeof value == sizeof(T) * kGroup);
-  std::memcpy(at, &value, sizeof value);
-}
+inline IntRegister load_ints(const std::int32_t* at) { return load_register<IntRegister>(at); }
 
 /// a < b ? x : y
 inline Doubles where_less(const Doubles& a, const Doubles& b, const Doubles& x, const Doubles& y) {
@@ -91,11 +87,9 @@ inline Doubles square_root(const Doubles& a) {
           (DoubleRegister)POUNCE_PD(sqrt_pd)((POUNCE_RD)a.high)};
 }
 /// a b + c where both are exact: so it does not matter whether they are rounded once or twice.
-inline Doubles exact_sum(const Doubles& a, const Doubles& b, const Doubles& c) {
+inline DoubleRegister exact_sum(DoubleRegister a, DoubleRegister b, DoubleRegister c) {
 #if defined(__FMA__)
-  return {
-      (DoubleRegister)POUNCE_PD(fmadd_pd)((POUNCE_RD)a.low, (POUNCE_RD)b.low, (POUNCE_RD)c.low),
-      (DoubleRegister)POUNCE_PD(fmadd_pd)((POUNCE_RD)a.high, (POUNCE_RD)b.high, (POUNCE_RD)c.high)};
+  return (DoubleRegister)POUNCE_PD(fmadd_pd)((POUNCE_RD)a, (POUNCE_RD)b, (POUNCE_RD)c);
 #else
   return a * b + c;
 #endif
@@ -120,11 +114,30 @@ inline Doubles over_255(const Doubles& a, double unit) {
 }
 #undef POUNCE_PD
 #undef POUNCE_RD
-inline Doubles absolute(const Doubles& a) {
-  using Bits = std::int64_t __attribute__((vector_size(sizeof(DoubleRegister))));
-  constexpr std::int64_t kAllButSign = std::numeric_limits<std::int64_t>::max();
-  return {(DoubleRegister)((Bits)a.low & kAllButSign),
-          (DoubleRegister)((Bits)a.high & kAllButSign)};
+inline DoubleRegister absolute(DoubleRegister a) {
+  using Bits = std::int64_t __attribute__((vector_size(sizeof a)));
+  return (DoubleRegister)((Bits)a & std::numeric_limits<std::int64_t>::max());
+}
+/// `size`, which is positive, with the signs of a.
+inline Doubles with_sign_of(const Doubles& a, double size) {
+  using Bits = std::int64_t __attribute__((vector_size(sizeof a.low)));
+  const auto half = [&](DoubleRegister x) {
+    const Bits signs = (Bits)x & std::numeric_limits<std::int64_t>::min();
+    return (DoubleRegister)(signs | (Bits)(DoubleRegister{} + size));
+  };
+  return {half(a.low), half(a.high)};
+}
+inline Doubles absolute(const Doubles& a) { return {absolute(a.low), absolute(a.high)}; }
+
+/// As many integers as a register holds doubles.
+inline DoubleRegister half_at(const std::int32_t* at) {
+#if defined(__AVX512DQ__)
+  return (DoubleRegister)_mm512_cvtepi32_pd(load_register<__m256i>(at));
+#elif defined(__AVX2__)
+  return (DoubleRegister)_mm256_cvtepi32_pd(load_register<__m128i>(at));
+#else
+  return (DoubleRegister)_mm_cvtepi32_pd(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(at)));
+#endif
 }
 
 #if defined(__AVX512DQ__)
@@ -188,34 +201,120 @@ inline Ordered lesser(const Ordered& a, const Ordered& b) { return {_mm_min_ps(a
 inline Ordered greater(const Ordered& a, const Ordered& b) { return {_mm_max_ps(a.bits, b.bits)}; }
 #endif
 
-/// One bit per lane in which a < b, and all bits of those lanes.
-inline unsigned bits_of_less(const Doubles& a, const Doubles& b) {
+/// Lanes of doubles: those that a comparison holds for, or that bits name from the lowest on. What
+/// is chosen by them is a value or 0.
+struct DoubleMask {
 #if defined(__AVX512DQ__)
-  const auto half = [](DoubleRegister x, DoubleRegister y) -> unsigned {
-    return _mm512_cmp_pd_mask((__m512d)x, (__m512d)y, _CMP_LT_OQ);
-  };
-#elif defined(__AVX2__)
-  const auto half = [](DoubleRegister x, DoubleRegister y) {
-    return static_cast<unsigned>(
-        _mm256_movemask_pd(_mm256_cmp_pd((__m256d)x, (__m256d)y, _CMP_LT_OQ)));
-  };
+  __mmask8 low, high;
 #else
-  const auto half = [](DoubleRegister x, DoubleRegister y) {
-    return static_cast<unsigned>(_mm_movemask_pd(_mm_cmplt_pd((__m128d)x, (__m128d)y)));
-  };
+  DoubleRegister low, high;  // all bits of a lane, or none
 #endif
-  return half(a.low, b.low) | half(a.high, b.high) << kHalf;
-}
-inline IntRegister lanes_of_less(const Doubles& a, const Doubles& b) {
+};
 #if defined(__AVX512DQ__)
-  return (IntRegister)_mm512_movm_epi32(static_cast<__mmask16>(bits_of_less(a, b)));
+inline DoubleMask less(const Doubles& a, const Doubles& b) {
+  return {_mm512_cmp_pd_mask((__m512d)a.low, (__m512d)b.low, _CMP_LT_OQ),
+          _mm512_cmp_pd_mask((__m512d)a.high, (__m512d)b.high, _CMP_LT_OQ)};
+}
+inline DoubleMask at_most(const Doubles& a, const Doubles& b) {
+  return {_mm512_cmp_pd_mask((__m512d)a.low, (__m512d)b.low, _CMP_LE_OQ),
+          _mm512_cmp_pd_mask((__m512d)a.high, (__m512d)b.high, _CMP_LE_OQ)};
+}
+inline DoubleMask mask_of(unsigned bits) {
+  return {static_cast<__mmask8>(bits), static_cast<__mmask8>(bits >> kHalf)};
+}
+inline unsigned bits_of(const DoubleMask& mask) {
+  return mask.low | static_cast<unsigned>(mask.high) << kHalf;
+}
+inline DoubleMask operator&(const DoubleMask& a, const DoubleMask& b) {
+  return {static_cast<__mmask8>(a.low & b.low), static_cast<__mmask8>(a.high & b.high)};
+}
+inline Doubles only(const DoubleMask& mask, const Doubles& value) {
+  return {(DoubleRegister)_mm512_maskz_mov_pd(mask.low, (__m512d)value.low),
+          (DoubleRegister)_mm512_maskz_mov_pd(mask.high, (__m512d)value.high)};
+}
+#else
+// By instructions: GCC 12 takes what combines comparisons of 64 bits apart, lane by lane, for SSE2.
+#if defined(__AVX2__)
+inline DoubleRegister less(DoubleRegister a, DoubleRegister b) {
+  return (DoubleRegister)_mm256_cmp_pd((__m256d)a, (__m256d)b, _CMP_LT_OQ);
+}
+inline DoubleRegister at_most(DoubleRegister a, DoubleRegister b) {
+  return (DoubleRegister)_mm256_cmp_pd((__m256d)a, (__m256d)b, _CMP_LE_OQ);
+}
+inline DoubleRegister both(DoubleRegister a, DoubleRegister b) {
+  return (DoubleRegister)_mm256_and_pd((__m256d)a, (__m256d)b);
+}
+#else
+inline DoubleRegister less(DoubleRegister a, DoubleRegister b) {
+  return (DoubleRegister)_mm_cmplt_pd((__m128d)a, (__m128d)b);
+}
+inline DoubleRegister at_most(DoubleRegister a, DoubleRegister b) {
+  return (DoubleRegister)_mm_cmple_pd((__m128d)a, (__m128d)b);
+}
+inline DoubleRegister both(DoubleRegister a, DoubleRegister b) {
+  return (DoubleRegister)_mm_and_pd((__m128d)a, (__m128d)b);
+}
+#endif
+inline DoubleMask less(const Doubles& a, const Doubles& b) {
+  return {less(a.low, b.low), less(a.high, b.high)};
+}
+inline DoubleMask at_most(const Doubles& a, const Doubles& b) {
+  return {at_most(a.low, b.low), at_most(a.high, b.high)};
+}
+inline DoubleMask mask_of(unsigned bits) {
+  // Words by twos, since SSE2 compares no more than words.
+  IntRegister low, high;
+  for (std::size_t i = 0; i < kGroup; ++i) {
+    low[i] = 1 << i / 2;
+    high[i] = 1 << (i / 2 + kHalf);
+  }
+  const IntRegister all = IntRegister{} + static_cast<std::int32_t>(bits);
+  return {(DoubleRegister)((IntRegister)((all & low) == low)),
+          (DoubleRegister)((IntRegister)((all & high) == high))};
+}
+inline unsigned bits_of(const DoubleMask& mask) {
+#if defined(__AVX2__)
+  const auto half = [](DoubleRegister x) { return _mm256_movemask_pd((__m256d)x); };
+#else
+  const auto half = [](DoubleRegister x) { return _mm_movemask_pd((__m128d)x); };
+#endif
+  return static_cast<unsigned>(half(mask.low) | half(mask.high) << kHalf);
+}
+inline DoubleMask operator&(const DoubleMask& a, const DoubleMask& b) {
+  return {both(a.low, b.low), both(a.high, b.high)};
+}
+inline Doubles only(const DoubleMask& mask, const Doubles& value) {
+  return {both(mask.low, value.low), both(mask.high, value.high)};
+}
+#endif
+
+/// Whole numbers, the nearest that are not above. Some number where they do not fit 32 bits.
+inline Doubles whole_below(const Doubles& a) {
+#if defined(__AVX512DQ__)
+  const auto half = [](DoubleRegister x) {
+    return (DoubleRegister)_mm512_roundscale_pd((__m512d)x, _MM_FROUND_TO_NEG_INF);
+  };
+  return {half(a.low), half(a.high)};
 #elif defined(__AVX2__)
-  const auto low = (__m256)(a.low < b.low), high = (__m256)(a.high < b.high);
+  return {(DoubleRegister)_mm256_floor_pd((__m256d)a.low),
+          (DoubleRegister)_mm256_floor_pd((__m256d)a.high)};
+#else
+  const Doubles to_zero = doubles_of(truncated(a));
+  return to_zero - only(less(a, to_zero), doubles(1));
+#endif
+}
+
+/// All bits of the lanes in which a < b.
+inline IntRegister lanes_of_less(const Doubles& a, const Doubles& b) {
+  const DoubleMask mask = less(a, b);
+#if defined(__AVX512DQ__)
+  return (IntRegister)_mm512_movm_epi32(static_cast<__mmask16>(bits_of(mask)));
+#elif defined(__AVX2__)
   // Halves of 128 bits are shuffled each by itself.
-  const auto mixed = (__m256i)_mm256_shuffle_ps(low, high, 0x88);
+  const auto mixed = (__m256i)_mm256_shuffle_ps((__m256)mask.low, (__m256)mask.high, 0x88);
   return (IntRegister)_mm256_permute4x64_epi64(mixed, 0xD8);
 #else
-  return (IntRegister)_mm_shuffle_ps((__m128)(a.low < b.low), (__m128)(a.high < b.high), 0x88);
+  return (IntRegister)_mm_shuffle_ps((__m128)mask.low, (__m128)mask.high, 0x88);
 #endif
 }
 

@@ -17,6 +17,18 @@ constexpr int kParts = kLanes / kWidth;
 using FloatRegister = float __attribute__((vector_size(4 * kWidth)));
 using IntRegister = std::int32_t __attribute__((vector_size(4 * kWidth)));
 
+template <class Register, class T>
+inline Register load_register(const T* at) {
+  Register out;
+  std::memcpy(&out, at, sizeof out);
+  return out;
+}
+template <class Register, class T>
+inline void store_register(T* at, const Register& value) {
+  static_assert(sizeof value % sizeof(T) == 0);
+  std::memcpy(at, &value, sizeof value);
+}
+
 /// Lanes of one type; operations are lane by lane, scalars stand for sixteen of themselves.
 template <class Register>
 struct Lanes {
@@ -122,14 +134,15 @@ inline Floats to_float(const Ints& a) {
   return each([](IntRegister x) { return __builtin_convertvector(x, FloatRegister); }, a);
 }
 
+// Register by register: what is copied as a whole goes through memory.
 inline Floats load(const float* at) {
   Floats out;
-  std::memcpy(&out, at, sizeof out);
+  for (int p = 0; p < kParts; ++p) out.part[p] = load_register<FloatRegister>(at + p * kWidth);
   return out;
 }
 inline Ints load(const std::int32_t* at) {
   Ints out;
-  std::memcpy(&out, at, sizeof out);
+  for (int p = 0; p < kParts; ++p) out.part[p] = load_register<IntRegister>(at + p * kWidth);
   return out;
 }
 inline Floats load(const std::int8_t* at) {
@@ -141,7 +154,7 @@ inline Floats load(const std::int8_t* at) {
 }
 template <class Register, class T>
 inline void store(T* at, const Lanes<Register>& value) {
-  std::memcpy(at, &value, sizeof value);
+  for (int p = 0; p < kParts; ++p) store_register(at + p * kWidth, value.part[p]);
 }
 
 /// One bit per lane of a comparison's result.

@@ -9,6 +9,11 @@ struct Place {
   Doubles at, rest;
 };
 
+/// All bits of the lanes whose texel is one of so many.
+inline IntRegister is_inside(IntRegister texel, std::uint32_t size) {
+  return (IntRegister)(texel >= 0) & (IntRegister)(texel < static_cast<std::int32_t>(size));
+}
+
 inline Place place_along(Doubles at, std::uint32_t size, std::uint32_t level_size) {
   if (size != level_size) {
     at = (at + 0.5) * static_cast<double>(level_size);
@@ -18,12 +23,11 @@ inline Place place_along(Doubles at, std::uint32_t size, std::uint32_t level_siz
     at = at - 0.5;
   }
   Place out;
-  const Doubles to_zero = doubles_of(truncated(at));
-  const Doubles whole = where_less(at, to_zero, to_zero - 1.0, to_zero);
+  const Doubles whole = whole_below(at);
   out.at = at;
-  out.texel = truncated(whole);
+  out.texel = truncated(whole);  // of what does not fit, one that is not inside
   out.rest = at - whole;
-  out.inside = lanes_of_less(at, doubles(level_size)) & ~lanes_of_less(at, doubles(0));
+  out.inside = is_inside(out.texel, level_size);
   return out;
 }
 
@@ -65,10 +69,9 @@ void place(const LookupsLanes& set, const LookedUp& in, const Vec2Lanes& middles
     store(out.rest_x.data() + first, x.rest);
     store(out.rest_y.data() + first, y.rest);
     store_places(inside, x.texel, y.texel, first, out);
-    const Doubles is_active = doubles_of(active & 1);
-    store(out.share.data() + first,
-          where_less(doubles(0), is_active, load(set.share.data() + first), doubles(0)));
-    out.active |= bits_of_group(active) << first;
+    const unsigned active_bits = bits_of_group(active);
+    store(out.share.data() + first, only(mask_of(active_bits), load(set.share.data() + first)));
+    out.active |= active_bits << first;
     out.outside |= bits_of_group(active & ~inside) << first;
   }
 }
@@ -81,14 +84,12 @@ void place_hits(const HitPacket& hit, const LookedUp& in, unsigned lanes, Places
     const IntRegister active = lanes_of(lanes >> first);
     const auto along = [&](const std::int32_t(&base)[kLanes], const float(&frac)[kLanes],
                            std::uint32_t size) {
-      const Doubles beyond = only(active, doubles_at(frac + first)),
-                    to_zero = doubles_of(truncated(beyond));
-      const Doubles whole = where_less(beyond, to_zero, to_zero - 1.0, to_zero);
+      const Doubles beyond = only(mask_of(lanes >> first), doubles_at(frac + first));
+      const Doubles whole = whole_below(beyond);
       Place at;
       at.texel = (load_ints(base + first) & active) + truncated(whole);
       at.rest = beyond - whole;
-      at.inside =
-          (IntRegister)(at.texel >= 0) & (IntRegister)(at.texel < static_cast<std::int32_t>(size));
+      at.inside = is_inside(at.texel, size);
       return at;
     };
     const Place x = along(hit.base_x, hit.frac_x, in.width),
@@ -97,7 +98,7 @@ void place_hits(const HitPacket& hit, const LookedUp& in, unsigned lanes, Places
     store(out.rest_x.data() + first, x.rest);
     store(out.rest_y.data() + first, y.rest);
     store_places(inside, x.texel, y.texel, first, out);
-    store(out.share.data() + first, doubles_of(active & 1));
+    store(out.share.data() + first, only(mask_of(lanes >> first), doubles(1)));
     out.outside |= bits_of_group(active & ~inside) << first;
   }
 }

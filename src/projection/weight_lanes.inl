@@ -5,18 +5,18 @@
 
 using Four = std::array<IntRegister, 4>;
 
-/// Of a row of four: as keys() in blend.cpp.
+/// Of a row of four: as keys() in blend.cpp, where weights are scaled when they are made; since
+/// kOne is a power of two, no bit differs where they are made that large.
 inline Four keys_of(double a, const Doubles& u) {
   const Doubles rest = 1.0 - u;
-  const auto step = [](const Doubles& w) {
-    return truncated(w * static_cast<double>(kOne) + (kOne + 0.5)) - kOne;
-  };
-  const IntRegister before = step(a * u * rest * rest), after = step(a * u * u * rest);
-  const Doubles half = doubles(0.5);
-  const Doubles x = where_less(u, half, rest, u);
-  const IntRegister nearer = step(((a + 2) * x - (a + 3)) * x * x + 1.0);
+  const auto step = [](const Doubles& w) { return truncated(w + (kOne + 0.5)) - kOne; };
+  const Doubles au = a * kOne * u;
+  const IntRegister before = step(au * rest * rest), after = step(au * u * rest);
+  const Doubles x = greater(u, rest);
+  const IntRegister nearer =
+      step(((a + 2) * kOne * x - (a + 3) * kOne) * x * x + static_cast<double>(kOne));
   const IntRegister other = kOne - before - nearer - after;
-  const IntRegister left_is_near = lanes_of_less(u, half);  // and gets what is left over
+  const IntRegister left_is_near = lanes_of_less(u, doubles(0.5));  // and gets what is left over
   return {before, left_is_near ? other : nearer, left_is_near ? nearer : other, after};
 }
 
@@ -30,8 +30,7 @@ inline Moves sharpen(IntRegister by, const Doubles& place, Four& weights) {
   const Doubles all = doubles_of(by);
   constexpr double kSteeper = 3;
   const Doubles share = kSteeper * all * place * (1.0 - place) * (1.0 - 2.0 * place);
-  const IntRegister step =
-      truncated(share + where_less(share, doubles(0), doubles(-0.5), doubles(0.5)));
+  const IntRegister step = truncated(share + with_sign_of(share, 0.5));
   weights[0] -= step;
   weights[1] += 3 * step;
   weights[2] -= 3 * step;
