@@ -216,25 +216,31 @@ struct SharpRowWeights {
       : weights(w),
         high(pair<kLow, kLow>(high_part(moves.first), high_part(moves.second))),
         low(pair<kLow, kLow>(low_part(moves.first), low_part(moves.second))),
-        both_high(
+        left_high(
             pair<kLow, kLow>(high_part(moves.first + moves.second), IntRegister{} + kHighOne)),
-        both_low(low_part(moves.first + moves.second)) {}
+        left_low(low_part(moves.first + moves.second)),
+        right_high(pair<kHigh, kLow>(left_high, left_high)),
+        right_low(left_low << 16) {}
   /// `bends`: of the left one and the right one.
   IntRegister sum(const Pairs& texels, IntRegister bends) const {
     const IntRegister coarse = RowWeights::sum_of(weights.high, texels) + multiply_add(bends, high);
     return (coarse << kLowBits) + RowWeights::sum_of(weights.low, texels) +
            multiply_add(bends, low);
   }
-  /// A texel, in the upper half of its word, and all that is taken of its bend, in the lower half.
-  IntRegister moved(IntRegister bend_and_texel) const {
-    return (multiply_add(bend_and_texel, both_high) << kLowBits) +
-           multiply_add(bend_and_texel, both_low);
+  /// One of the two in the middle and all that is taken of its bend.
+  IntRegister left(IntRegister bend_and_texel) const {
+    return (multiply_add(bend_and_texel, left_high) << kLowBits) +
+           multiply_add(bend_and_texel, left_low);
+  }
+  IntRegister right(IntRegister texel_and_bend) const {
+    return (multiply_add(texel_and_bend, right_high) << kLowBits) +
+           multiply_add(texel_and_bend, right_low);
   }
 
  private:
   static constexpr int kHighOne = kOne >> kLowBits;
   RowWeights weights;
-  IntRegister high, low, both_high, both_low;
+  IntRegister high, low, left_high, left_low, right_high, right_low;
 };
 
 /// As kept_sum() of a row.
@@ -254,17 +260,17 @@ inline T kept(const T& sum, const T& a, const T& b) {
 
 /// As sharpened_sum() of a row.
 [[gnu::always_inline]] inline IntRegister row_sum(const SharpRowWeights& weights,
-                                                  const Pairs& texels) {
-  const auto own = (ShortRegister)pair<kHigh, kLow>(texels.first, texels.second);
+                                                  const Texels& texels) {
+  const auto own = (ShortRegister)texels.middle;
   const ShortRegister to = own - (ShortRegister)texels.first,
                       from = (ShortRegister)texels.second - own;
   const ShortRegister room = lesser(own, 255 - own);
-  const ShortRegister step = lesser(greater(to, -to), greater(from, -from));
-  const ShortRegister most = lesser(step, room * 2) * 12;
+  const ShortRegister step = lesser(absolute(to), absolute(from));
+  const ShortRegister most = times(lesser(step, room + room), 12);
   const auto bends = (IntRegister)lesser(greater(to - from, -most), most);
-  const IntRegister first = weights.moved(pair<kLow, kHigh>(bends, texels.first)),
-                    second = weights.moved(pair<kHigh, kLow>(bends, texels.second));
-  return integers(kept(ordered(weights.sum(texels, bends)), ordered(first), ordered(second)));
+  const IntRegister left = weights.left(halves(bends, texels.first)),
+                    right = weights.right(halves(texels.second, bends));
+  return integers(kept(ordered(weights.sum(texels, bends)), ordered(left), ordered(right)));
 }
 
 // What follows takes half a group at a time: more would not stay in registers.

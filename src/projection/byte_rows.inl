@@ -28,6 +28,18 @@ inline ShortRegister lesser(ShortRegister a, ShortRegister b) {
 inline ShortRegister greater(ShortRegister a, ShortRegister b) {
   return (ShortRegister)POUNCE_SI(max_epi16)((POUNCE_REGISTER)a, (POUNCE_REGISTER)b);
 }
+/// Without their sign; of the least integer there is none.
+inline ShortRegister absolute(ShortRegister a) {
+#if defined(__AVX2__)
+  return (ShortRegister)POUNCE_SI(abs_epi16)((POUNCE_REGISTER)a);
+#else
+  return greater(a, -a);
+#endif
+}
+/// The lower 16 bits of the products.
+inline ShortRegister times(ShortRegister a, std::int16_t b) {
+  return (ShortRegister)POUNCE_SI(mullo_epi16)((POUNCE_REGISTER)a, POUNCE_SI(set1_epi16)(b));
+}
 
 /// Sixteen bytes, or eight, of the lanes `i`, `i` + 4, ...
 template <bool kSixteenBytes>
@@ -66,6 +78,11 @@ struct Pairs {
   IntRegister first, second;
 };
 
+/// The same of texels, and a third pair where it is asked for: the second and the third of them.
+struct Texels : Pairs {
+  IntRegister middle;
+};
+
 /// Bytes 0 and 2 of words, and bytes 1 and 3, as integers of 16 bits.
 struct Bytes {
   explicit Bytes(IntRegister words)
@@ -83,27 +100,40 @@ inline IntRegister pair(IntRegister a, IntRegister b) {
   return low | (kB == Half::low ? b << 16 : b & ~0xFFFF);
 }
 
+inline Texels texels_of(IntRegister first, IntRegister second) {
+  return {{first, second}, pair<kHigh, kLow>(first, second)};
+}
+
+/// The lower halves of one's words and the upper ones of another's.
+inline IntRegister halves(IntRegister low, IntRegister high) {
+#if defined(__AVX2__) && !defined(__AVX512DQ__)
+  return (IntRegister)_mm256_blend_epi16((__m256i)low, (__m256i)high, 0xAA);
+#else
+  return pair<kLow, kHigh>(low, high);
+#endif
+}
+
 /// The channels of four texels of three or four bytes each, which lie in words one after the other.
 template <std::size_t kChannels, class Words>
-inline std::array<Pairs, kChannels> bytes_of_words(const Words& words) {
+inline std::array<Texels, kChannels> bytes_of_words(const Words& words) {
   const Bytes a(words[0]), b(words[1]), c(words[2]);
   if constexpr (kChannels == 3) {
-    return {{{pair<kLow, kHigh>(a.even, a.odd), pair<kHigh, kLow>(b.even, c.odd)},
-             {pair<kLow, kLow>(a.odd, b.even), pair<kHigh, kHigh>(b.odd, c.even)},
-             {pair<kHigh, kLow>(a.even, b.odd), pair<kLow, kHigh>(c.even, c.odd)}}};
+    return {texels_of(pair<kLow, kHigh>(a.even, a.odd), pair<kHigh, kLow>(b.even, c.odd)),
+            texels_of(pair<kLow, kLow>(a.odd, b.even), pair<kHigh, kHigh>(b.odd, c.even)),
+            texels_of(pair<kHigh, kLow>(a.even, b.odd), pair<kLow, kHigh>(c.even, c.odd))};
   } else {
     const Bytes d(words[3]);
-    return {{{pair<kLow, kLow>(a.even, b.even), pair<kLow, kLow>(c.even, d.even)},
-             {pair<kLow, kLow>(a.odd, b.odd), pair<kLow, kLow>(c.odd, d.odd)},
-             {pair<kHigh, kHigh>(a.even, b.even), pair<kHigh, kHigh>(c.even, d.even)},
-             {pair<kHigh, kHigh>(a.odd, b.odd), pair<kHigh, kHigh>(c.odd, d.odd)}}};
+    return {texels_of(pair<kLow, kLow>(a.even, b.even), pair<kLow, kLow>(c.even, d.even)),
+            texels_of(pair<kLow, kLow>(a.odd, b.odd), pair<kLow, kLow>(c.odd, d.odd)),
+            texels_of(pair<kHigh, kHigh>(a.even, b.even), pair<kHigh, kHigh>(c.even, d.even)),
+            texels_of(pair<kHigh, kHigh>(a.odd, b.odd), pair<kHigh, kHigh>(c.odd, d.odd))};
   }
 }
 
 template <std::size_t kChannels>
-[[gnu::always_inline]] inline std::array<Pairs, kChannels> load_row(const Runs& runs,
-                                                                    std::ptrdiff_t at,
-                                                                    bool is_last) {
+[[gnu::always_inline]] inline std::array<Texels, kChannels> load_row(const Runs& runs,
+                                                                     std::ptrdiff_t at,
+                                                                     bool is_last) {
   if constexpr (kChannels == 1) {
     IntRegister word;
     for (std::size_t lane = 0; lane < kGroup; ++lane) {
@@ -112,12 +142,13 @@ template <std::size_t kChannels>
       word[lane] = v;
     }
     const Bytes bytes(word);
-    return {{{pair<kLow, kLow>(bytes.even, bytes.odd), pair<kHigh, kHigh>(bytes.even, bytes.odd)}}};
+    return {texels_of(pair<kLow, kLow>(bytes.even, bytes.odd),
+                      pair<kHigh, kHigh>(bytes.even, bytes.odd))};
   } else if constexpr (kChannels == 2) {
     const auto words = turned(load_runs<false>(runs, 0, at), load_runs<false>(runs, 1, at),
                               load_runs<false>(runs, 2, at), load_runs<false>(runs, 3, at));
     const Bytes first(words[0]), second(words[1]);
-    return {{{first.even, second.even}, {first.odd, second.odd}}};
+    return {texels_of(first.even, second.even), texels_of(first.odd, second.odd)};
   } else {
     // Three channels are twelve bytes: what is loaded beside them lies behind, but of the last row,
     // which may be the end of the tile, before.
@@ -127,6 +158,11 @@ template <std::size_t kChannels>
     };
     POUNCE_REGISTER a = load(0), b = load(1), c = load(2), d = load(3);
 #if defined(__AVX2__)
+#if defined(__AVX512DQ__)
+    const auto in_all = [](__m128i one) { return _mm512_broadcast_i32x4(one); };
+#else
+    const auto in_all = [](__m128i one) { return _mm256_broadcastsi128_si256(one); };
+#endif
     // Bytes 0, 2, 1, 3 of each channel become a word.
     const auto order = [&](int skipped) {
       const auto of = [&](int channel) {
@@ -134,20 +170,20 @@ template <std::size_t kChannels>
         const int i = channel + skipped;
         return channel >= kC ? -1 : i | (i + 2 * kC) << 8 | (i + kC) << 16 | (i + 3 * kC) << 24;
       };
-      return _mm_setr_epi32(of(0), of(1), of(2), of(3));
+      return in_all(_mm_setr_epi32(of(0), of(1), of(2), of(3)));
     };
-    const __m128i one = is_last ? order(kBefore) : order(0);
-#if defined(__AVX512DQ__)
-    const __m512i by = _mm512_broadcast_i32x4(one);
-#else
-    const __m256i by = _mm256_broadcastsi128_si256(one);
-#endif
+    const POUNCE_REGISTER by = is_last ? order(kBefore) : order(0);
     const auto words = turned(POUNCE_SI(shuffle_epi8)(a, by), POUNCE_SI(shuffle_epi8)(b, by),
                               POUNCE_SI(shuffle_epi8)(c, by), POUNCE_SI(shuffle_epi8)(d, by));
-    std::array<Pairs, kChannels> out;
+    // Of a word, bytes 2 and 1 are the two in the middle; -1 are zeros.
+    constexpr char k0 = -1;
+    const POUNCE_REGISTER middle =
+        in_all(_mm_setr_epi8(2, k0, 1, k0, 6, k0, 5, k0, 10, k0, 9, k0, 14, k0, 13, k0));
+    std::array<Texels, kChannels> out;
     for (std::size_t channel = 0; channel < kChannels; ++channel) {
       const Bytes bytes(words[channel]);
-      out[channel] = {bytes.even, bytes.odd};
+      out[channel] = {{bytes.even, bytes.odd},
+                      (IntRegister)POUNCE_SI(shuffle_epi8)((POUNCE_REGISTER)words[channel], middle)};
     }
     return out;
 #else

@@ -64,25 +64,30 @@ inline Four tent_of(const Doubles& u, const Doubles& v) {
   return {step((1.0 - u) * (1.0 - v)), step(u * (1.0 - v)), step((1.0 - u) * v), step(u * v)};
 }
 
+/// Along one axis of the image. `by`: of each lane's Sharpening, or null.
+inline void weigh_along(double keys, const double* rest, const std::int32_t* by, std::size_t first,
+                        FourLanes& out, MovesLanes& moves) {
+  const Doubles place = load(rest + first);
+  Four weights = keys_of(keys, place);
+  if (by != nullptr) store_moves(sharpen(load_ints(by + first), place, weights), first, moves);
+  store_four(weights, first, out);
+}
+
 void weigh(const PlacesLanes& places, double keys, const FootprintLookupsLanes* sharpening,
            WeightsLanes& out) {
   out.kind = keys == kTent           ? WeightsLanes::Kind::tent
              : sharpening != nullptr ? WeightsLanes::Kind::sharpened
                                      : WeightsLanes::Kind::wide;
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    const Doubles u = load(places.rest_x.data() + first), v = load(places.rest_y.data() + first);
     if (keys == kTent) {
-      store_four(tent_of(u, v), first, out.across);
+      store_four(tent_of(load(places.rest_x.data() + first), load(places.rest_y.data() + first)),
+                 first, out.across);
       continue;
     }
-    Four across = keys_of(keys, u), down = keys_of(keys, v);
-    if (sharpening != nullptr) {
-      store_moves(sharpen(load_ints(sharpening->across.data() + first), u, across), first,
-                  out.move_across);
-      store_moves(sharpen(load_ints(sharpening->down.data() + first), v, down), first,
-                  out.move_down);
-    }
-    store_four(across, first, out.across);
-    store_four(down, first, out.down);
+    const bool is_sharpened = sharpening != nullptr;
+    weigh_along(keys, places.rest_x.data(), is_sharpened ? sharpening->across.data() : nullptr,
+                first, out.across, out.move_across);
+    weigh_along(keys, places.rest_y.data(), is_sharpened ? sharpening->down.data() : nullptr, first,
+                out.down, out.move_down);
   }
 }
