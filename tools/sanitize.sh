@@ -3,7 +3,7 @@
 # Whole jobs under sanitizers; any report fails.
 #
 #   tools/sanitize.sh short   the two programs with AddressSanitizer and UndefinedBehaviorSanitizer, as the fuzzers
-#                             are built, and small jobs of every feature (tests/sanitize/transfers.sh); in .ci/run
+#                             are built, and small jobs of every feature (tests/sanitize/transfers.sh); in .ci/sanitize
 #   tools/sanitize.sh full    the same with odd files, every test of the preset asan, and the flow tests of the
 #                             preset tsan (tools/tsan-tbb.sh must have run)
 set -euo pipefail
@@ -14,7 +14,7 @@ mode=${1:-short}
   exit 2
 }
 
-# The preset of the fuzzers: what .ci/run needs of both is built once.
+# The preset of the fuzzers: what .ci/sanitize needs of both is built once.
 folder=$PWD/build/fuzz
 tools/install-packages.sh
 tools/install-clang.sh

@@ -6,7 +6,7 @@
 # refuses it with pounce's own error, within time and memory. Anything else fails, and is kept in
 # build/fuzz/findings.
 # Usage: tools/slow-fuzz.sh [SECONDS per target] [TARGET...]   (default 600, and all that tests/fuzz/targets.txt lists)
-# POUNCE_FUZZ_SEED=N: the same inputs each time from the same corpus (0, the default: others each time). .ci/run sets
+# POUNCE_FUZZ_SEED=N: the same inputs each time from the same corpus (0, the default: others each time). .ci/sanitize sets
 # it, since a change is to be judged by what it did, not by what a fuzzer happens to find that day.
 # POUNCE_FUZZ_AT_ONCE=N: run N targets side by side (default 1).
 # POUNCE_FUZZ_UNIT_SECONDS=N: the most that one input may take, by the clock (default 60: on a machine that others use

@@ -78,7 +78,7 @@ struct Pairs {
   IntRegister first, second;
 };
 
-/// The same of texels, and a third pair where it is asked for: the second and the third of them.
+/// The same of texels, and a third pair: the second and the third of them.
 struct Texels : Pairs {
   IntRegister middle;
 };
@@ -182,8 +182,9 @@ template <std::size_t kChannels>
     std::array<Texels, kChannels> out;
     for (std::size_t channel = 0; channel < kChannels; ++channel) {
       const Bytes bytes(words[channel]);
-      out[channel] = {{bytes.even, bytes.odd},
-                      (IntRegister)POUNCE_SI(shuffle_epi8)((POUNCE_REGISTER)words[channel], middle)};
+      out[channel] = {
+          {bytes.even, bytes.odd},
+          (IntRegister)POUNCE_SI(shuffle_epi8)((POUNCE_REGISTER)words[channel], middle)};
     }
     return out;
 #else

@@ -132,16 +132,17 @@ inline Doubles absolute(const Doubles& a) { return {absolute(a.low), absolute(a.
 /// As many integers as a register holds doubles.
 inline DoubleRegister half_at(const std::int32_t* at) {
 #if defined(__AVX512DQ__)
-  return (DoubleRegister)_mm512_cvtepi32_pd(load_register<__m256i>(at));
+  return (DoubleRegister)_mm512_cvtepi32_pd(
+      _mm256_loadu_si256(reinterpret_cast<const __m256i*>(at)));
 #elif defined(__AVX2__)
-  return (DoubleRegister)_mm256_cvtepi32_pd(load_register<__m128i>(at));
+  return (DoubleRegister)_mm256_cvtepi32_pd(_mm_loadu_si128(reinterpret_cast<const __m128i*>(at)));
 #else
   return (DoubleRegister)_mm_cvtepi32_pd(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(at)));
 #endif
 }
 
 #if defined(__AVX512DQ__)
-/// Towards zero; values that do not fit become some number.
+/// Towards zero; what does not fit, or is no number, becomes the least integer.
 inline IntRegister truncated(const Doubles& a) {
   const __m256i low = _mm512_cvttpd_epi32((__m512d)a.low),
                 high = _mm512_cvttpd_epi32((__m512d)a.high);
@@ -288,16 +289,19 @@ inline Doubles only(const DoubleMask& mask, const Doubles& value) {
 }
 #endif
 
-/// Whole numbers, the nearest that are not above. Some number where they do not fit 32 bits.
+/// The nearest whole numbers that are not above: of zeros 0, not -0, as integers have it. Where
+/// they do not fit 32 bits some number.
 inline Doubles whole_below(const Doubles& a) {
 #if defined(__AVX512DQ__)
   const auto half = [](DoubleRegister x) {
-    return (DoubleRegister)_mm512_roundscale_pd((__m512d)x, _MM_FROUND_TO_NEG_INF);
+    return (DoubleRegister)_mm512_roundscale_pd((__m512d)x, _MM_FROUND_TO_NEG_INF) + 0.0;
   };
   return {half(a.low), half(a.high)};
 #elif defined(__AVX2__)
-  return {(DoubleRegister)_mm256_floor_pd((__m256d)a.low),
-          (DoubleRegister)_mm256_floor_pd((__m256d)a.high)};
+  const auto half = [](DoubleRegister x) {
+    return (DoubleRegister)_mm256_floor_pd((__m256d)x) + 0.0;
+  };
+  return {half(a.low), half(a.high)};
 #else
   const Doubles to_zero = doubles_of(truncated(a));
   return to_zero - only(less(a, to_zero), doubles(1));

@@ -154,6 +154,7 @@ inline Floats load(const std::int8_t* at) {
 }
 template <class Register, class T>
 inline void store(T* at, const Lanes<Register>& value) {
+  static_assert(sizeof(T) == 4);
   for (int p = 0; p < kParts; ++p) store_register(at + p * kWidth, value.part[p]);
 }
 
