@@ -76,10 +76,15 @@ struct alignas(64) PlacesLanes {
 
 /// Taps of sixteen texels: the same for all images that are looked up there.
 struct alignas(64) WeightsLanes {
-  enum class Kind : std::uint8_t { tent, wide, sharpened };
-  Kind kind = Kind::wide;
+  bool is_tent = false, is_sharp_across = false, is_sharp_down = false;
   std::array<Sixteen<std::int32_t>, 4> across, down;  ///< of a tent `across` alone: of the square
-  std::array<Sixteen<std::int32_t>, 2> move_across, move_down;  ///< where sharpened
+  std::array<Sixteen<std::int32_t>, 2> move_across, move_down;  ///< along axes that are sharpened
+};
+
+/// Sharpening of sixteen texels, along each axis of the image; null where no texel's is any: then
+/// kernels skip the work for all.
+struct SharpeningLanes {
+  const Sixteen<std::int32_t>*across = nullptr, *down = nullptr;
 };
 
 /// Sums of sixteen texels, by channel.
@@ -102,9 +107,9 @@ struct BlendLanes {
   /// The places of one lookup for each hit in `lanes`, in an image of the size that hits are
   /// counted on: placed() there.
   void (*place_hits)(const HitPacket& hit, const LookedUp& in, unsigned lanes, PlacesLanes& out);
-  /// The weights of lookups at `places`. `keys` is the kernel's a, or kTent. Null: no sharpening,
-  /// else that of each lane; of tents there is none.
-  void (*weigh)(const PlacesLanes& places, double keys, const FootprintLookupsLanes* sharpening,
+  /// The weights of lookups at `places`. `keys` is the kernel's a, or kTent, of which there is no
+  /// sharpening.
+  void (*weigh)(const PlacesLanes& places, double keys, const SharpeningLanes& sharpening,
                 WeightsLanes& out);
   /// Adds share x blend() to `means`, for lookups that lie in one tile; offsets of the other lanes
   /// are in it, too, and their share is 0. By depth, and channels less 1. Tents are of 8 bits
@@ -165,6 +170,17 @@ inline std::int32_t largest(unsigned lanes, const Sixteen<std::int32_t>& values)
   return most;
 }
 
+/// The sharpening of `lanes`.
+inline SharpeningLanes sharpening_of(const FootprintLookupsLanes& lookups, unsigned lanes) {
+  std::int32_t across = 0, down = 0;
+  for (std::size_t lane = 0; lane < surface::kLanes; ++lane) {
+    const std::int32_t all = (lanes & kLaneBit[lane]) != 0 ? -1 : 0;
+    across |= all & lookups.across[lane];
+    down |= all & lookups.down[lane];
+  }
+  return {across != 0 ? &lookups.across : nullptr, down != 0 ? &lookups.down : nullptr};
+}
+
 /// blend(tile, share, lanes) for each tile that active lanes of `places` lie in; tile_at(x, y)
 /// gives its samples, until the next is asked for. The share of the other lanes is 0.
 template <class TileAt, class Blend>
@@ -189,7 +205,7 @@ void for_each_tile(const PlacesLanes& places, TileAt&& tile_at, Blend&& blend) {
 /// then of that lookup.
 template <class Visit>
 void for_each_lookup(const BlendLanes& kernels, double keys, const LookupsLanes& set,
-                     const FootprintLookupsLanes* sharpening, const LookedUp& in,
+                     const SharpeningLanes& sharpening, const LookedUp& in,
                      const Vec2Lanes& middles, unsigned lanes, PlacesLanes& places,
                      WeightsLanes& weights, Visit&& visit) {
   const std::int32_t count_a = largest(lanes, set.count_a), count_b = largest(lanes, set.count_b);

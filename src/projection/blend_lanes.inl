@@ -311,7 +311,7 @@ inline DoubleRegister weighted_rows(const Rows& shares, const Rows& rows) {
 }
 
 /// One lookup of the group from lane `first` on: sums by channel, in the steps of rows.
-template <std::size_t kChannels, bool kSharpened>
+template <std::size_t kChannels, bool kAcross, bool kDown>
 [[gnu::always_inline]] inline std::array<Doubles, kChannels> sums_u8(const std::byte* tile,
                                                                      const PlacesLanes& places,
                                                                      const WeightsLanes& lanes,
@@ -319,7 +319,7 @@ template <std::size_t kChannels, bool kSharpened>
   const Runs runs = runs_of(tile, places, first, kChannels);
   const Four across = load_four(lanes.across, first);
   const auto weights = [&] {
-    if constexpr (kSharpened) {
+    if constexpr (kAcross) {
       return SharpRowWeights(across, load_moves(lanes.move_across, first));
     } else {
       return RowWeights(across);
@@ -343,7 +343,7 @@ template <std::size_t kChannels, bool kSharpened>
     for (std::size_t c = 0; c < kChannels; ++c) {
       Rows rows;
       for (std::size_t y = 0; y < 4; ++y) rows[y] = half_at(sums[c][y] + at);
-      if constexpr (kSharpened) {
+      if constexpr (kDown) {
         out[c].*half =
             column_sum(shares, {share_of(lanes.move_down[0]), share_of(lanes.move_down[1])}, rows);
       } else {
@@ -413,11 +413,11 @@ void round_tents_u8(const std::byte* tile, const PlacesLanes& places, const Weig
   }
 }
 
-template <std::size_t kChannels, bool kSharpened>
+template <std::size_t kChannels, bool kAcross, bool kDown>
 void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
                  const Sixteen<double>& share, MeansLanes& means) {
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    const auto sums = sums_u8<kChannels, kSharpened>(tile, places, weights, first);
+    const auto sums = sums_u8<kChannels, kAcross, kDown>(tile, places, weights, first);
     const Doubles by = load(share.data() + first);
     for (std::size_t c = 0; c < kChannels; ++c) {
       double* const mean = means[c].data() + first;
@@ -429,18 +429,17 @@ void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const Weights
 template <std::size_t kChannels>
 void add_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
             const Sixteen<double>& share, MeansLanes& means) {
-  using Kind = WeightsLanes::Kind;
-  (weights.kind == Kind::tent ? add_tents_u8<kChannels>
-   : weights.kind == Kind::sharpened
-       ? add_sums_u8<kChannels, true>
-       : add_sums_u8<kChannels, false>)(tile, places, weights, share, means);
+  if (weights.is_tent) return add_tents_u8<kChannels>(tile, places, weights, share, means);
+  for_sharpening(weights, [&]<bool kAcross, bool kDown>() {
+    add_sums_u8<kChannels, kAcross, kDown>(tile, places, weights, share, means);
+  });
 }
 
-template <std::size_t kChannels, bool kSharpened>
+template <std::size_t kChannels, bool kAcross, bool kDown>
 void round_sums_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
                    Sixteen<std::uint32_t>& texels) {
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    const auto sums = sums_u8<kChannels, kSharpened>(tile, places, weights, first);
+    const auto sums = sums_u8<kChannels, kAcross, kDown>(tile, places, weights, first);
     IntRegister texel{};
     for (std::size_t c = 0; c < kChannels; ++c)
       texel |= truncated(sums[c] * kPerOne + 0.5) << static_cast<int>(8 * c);
@@ -451,11 +450,10 @@ void round_sums_u8(const std::byte* tile, const PlacesLanes& places, const Weigh
 template <std::size_t kChannels>
 void round_u8(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
               Sixteen<std::uint32_t>& texels) {
-  using Kind = WeightsLanes::Kind;
-  (weights.kind == Kind::tent ? round_tents_u8<kChannels>
-   : weights.kind == Kind::sharpened
-       ? round_sums_u8<kChannels, true>
-       : round_sums_u8<kChannels, false>)(tile, places, weights, texels);
+  if (weights.is_tent) return round_tents_u8<kChannels>(tile, places, weights, texels);
+  for_sharpening(weights, [&]<bool kAcross, bool kDown>() {
+    round_sums_u8<kChannels, kAcross, kDown>(tile, places, weights, texels);
+  });
 }
 
 #include "projection/deep_lanes.inl"

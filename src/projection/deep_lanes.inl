@@ -155,7 +155,7 @@ inline Doubles split_sum(const FourDoubles& weights, const DeepMoves& moves,
   return kept(sum.rounded(), moved(rows[1], left), moved(rows[2], right));
 }
 
-template <std::size_t kChannels, Depth kDepth, bool kSharpened>
+template <std::size_t kChannels, Depth kDepth, bool kAcross, bool kDown>
 void add_deep_sums(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
                    const Sixteen<double>& share, MeansLanes& means) {
   constexpr bool kIsFloat = kDepth != Depth::u16;
@@ -165,10 +165,8 @@ void add_deep_sums(const std::byte* tile, const PlacesLanes& places, const Weigh
     const Runs runs = runs_of(tile, places, first, kTexelBytes);
     const Four across = load_four(weights.across, first), down = load_four(weights.down, first);
     Moves by_column{}, by_row{};
-    if constexpr (kSharpened) {
-      by_column = load_moves(weights.move_across, first);
-      by_row = load_moves(weights.move_down, first);
-    }
+    if constexpr (kAcross) by_column = load_moves(weights.move_across, first);
+    if constexpr (kDown) by_row = load_moves(weights.move_down, first);
     const FourDoubles columns = doubles_of(across), rows = doubles_of(down);
     const DeepMoves move_across(by_column), move_down(by_row);
     std::array<FourDoubles, kChannels> sums;
@@ -180,18 +178,18 @@ void add_deep_sums(const std::byte* tile, const PlacesLanes& places, const Weigh
         const FourDoubles values{doubles_at(row[c]), doubles_at(row[kChannels + c]),
                                  doubles_at(row[2 * kChannels + c]),
                                  doubles_at(row[3 * kChannels + c])};
-        sums[c][y] = kSharpened ? sum_of<kIsFloat>(columns, move_across, values, kLargest)
-                                : sum_of(columns, values);
+        sums[c][y] = kAcross ? sum_of<kIsFloat>(columns, move_across, values, kLargest)
+                             : sum_of(columns, values);
       }
     }
     const Doubles by = load(share.data() + first);
     for (std::size_t c = 0; c < kChannels; ++c) {
       Doubles sum;
       if constexpr (kIsFloat) {
-        sum = kSharpened ? sum_of<true>(rows, move_down, sums[c], kScale) : sum_of(rows, sums[c]);
+        sum = kDown ? sum_of<true>(rows, move_down, sums[c], kScale) : sum_of(rows, sums[c]);
       } else {
-        sum = kSharpened ? split_sum(rows, move_down, sums[c], kLargest * kScale)
-                         : split_sum(rows, sums[c]);
+        sum = kDown ? split_sum(rows, move_down, sums[c], kLargest * kScale)
+                    : split_sum(rows, sums[c]);
       }
       double* const mean = means[c].data() + first;
       const Doubles value = kIsFloat ? kPerSquare * sum : sum * kPerSquare / kLargest;
@@ -203,7 +201,7 @@ void add_deep_sums(const std::byte* tile, const PlacesLanes& places, const Weigh
 template <std::size_t kChannels, Depth kDepth>
 void add_deep(const std::byte* tile, const PlacesLanes& places, const WeightsLanes& weights,
               const Sixteen<double>& share, MeansLanes& means) {
-  (weights.kind == WeightsLanes::Kind::sharpened
-       ? add_deep_sums<kChannels, kDepth, true>
-       : add_deep_sums<kChannels, kDepth, false>)(tile, places, weights, share, means);
+  for_sharpening(weights, [&]<bool kAcross, bool kDown>() {
+    add_deep_sums<kChannels, kDepth, kAcross, kDown>(tile, places, weights, share, means);
+  });
 }

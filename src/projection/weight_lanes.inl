@@ -64,30 +64,42 @@ inline Four tent_of(const Doubles& u, const Doubles& v) {
   return {step((1.0 - u) * (1.0 - v)), step(u * (1.0 - v)), step((1.0 - u) * v), step(u * v)};
 }
 
-/// Along one axis of the image. `by`: of each lane's Sharpening, or null.
-inline void weigh_along(double keys, const double* rest, const std::int32_t* by, std::size_t first,
-                        FourLanes& out, MovesLanes& moves) {
-  const Doubles place = load(rest + first);
+/// Along one axis of the image.
+inline void weigh_along(double keys, const Sixteen<double>& rest, const Sixteen<std::int32_t>* by,
+                        std::size_t first, FourLanes& out, MovesLanes& moves) {
+  const Doubles place = load(rest.data() + first);
   Four weights = keys_of(keys, place);
-  if (by != nullptr) store_moves(sharpen(load_ints(by + first), place, weights), first, moves);
+  if (by != nullptr)
+    store_moves(sharpen(load_ints(by->data() + first), place, weights), first, moves);
   store_four(weights, first, out);
 }
 
-void weigh(const PlacesLanes& places, double keys, const FootprintLookupsLanes* sharpening,
+void weigh(const PlacesLanes& places, double keys, const SharpeningLanes& sharpening,
            WeightsLanes& out) {
-  out.kind = keys == kTent           ? WeightsLanes::Kind::tent
-             : sharpening != nullptr ? WeightsLanes::Kind::sharpened
-                                     : WeightsLanes::Kind::wide;
+  out.is_tent = keys == kTent;
+  out.is_sharp_across = !out.is_tent && sharpening.across != nullptr;
+  out.is_sharp_down = !out.is_tent && sharpening.down != nullptr;
   for (std::size_t first = 0; first < kLanes; first += kGroup) {
-    if (keys == kTent) {
+    if (out.is_tent) {
       store_four(tent_of(load(places.rest_x.data() + first), load(places.rest_y.data() + first)),
                  first, out.across);
       continue;
     }
-    const bool is_sharpened = sharpening != nullptr;
-    weigh_along(keys, places.rest_x.data(), is_sharpened ? sharpening->across.data() : nullptr,
-                first, out.across, out.move_across);
-    weigh_along(keys, places.rest_y.data(), is_sharpened ? sharpening->down.data() : nullptr, first,
-                out.down, out.move_down);
+    weigh_along(keys, places.rest_x, sharpening.across, first, out.across, out.move_across);
+    weigh_along(keys, places.rest_y, sharpening.down, first, out.down, out.move_down);
+  }
+}
+
+/// call.template operator()<kAcross, kDown>(): along which axes lanes are sharpened.
+template <class Call>
+inline void for_sharpening(const WeightsLanes& weights, const Call& call) {
+  if (weights.is_sharp_across && weights.is_sharp_down) {
+    call.template operator()<true, true>();
+  } else if (weights.is_sharp_across) {
+    call.template operator()<true, false>();
+  } else if (weights.is_sharp_down) {
+    call.template operator()<false, true>();
+  } else {
+    call.template operator()<false, false>();
   }
 }

@@ -295,16 +295,6 @@ void PacketBlend::choose_images(std::size_t first, Mask lanes) {
   is_chosen_ = is_only;
 }
 
-const FootprintLookupsLanes* PacketBlend::sharpening(Mask lanes) const {
-  // Null where no lane asks for it: kernels skip the work for the whole packet.
-  std::int32_t any = 0;
-  for (std::size_t lane = 0; lane < surface::kLanes; ++lane) {
-    any |=
-        (lanes & projection::kLaneBit[lane]) != 0 ? lookups_.across[lane] | lookups_.down[lane] : 0;
-  }
-  return any != 0 ? &lookups_ : nullptr;
-}
-
 /// One lookup for each of the lanes, in the chosen images themselves.
 void PacketBlend::find_places(const PageColour& page, const projection::HitPacket& hit,
                               Mask lanes) {
@@ -338,7 +328,7 @@ void PacketBlend::add_single(const projection::HitPacket& hit, Mask lanes) {
   find_places(page, hit, lanes);
   const bool floats = store::is_float(directory_->depth);
   if (floats) places_.settle();
-  lanes_.weigh(places_, keys_, sharpening(lanes), weights_);
+  lanes_.weigh(places_, keys_, projection::sharpening_of(lookups_, lanes), weights_);
   for (Own& own : own_) {
     if (own.image.column == nullptr) continue;
     const store::ColourDirectory& image = own.image.directory();
@@ -378,8 +368,9 @@ void PacketBlend::add_set(std::size_t s, std::uint32_t number, Mask lanes) {
                                 image.wrap_v,
                                 store::is_float(image.depth)};
   projection::for_each_lookup(
-      lanes_, keys_, lookups_.sets[s], number == 0 ? sharpening(lanes) : nullptr, in, middles_,
-      lanes, places_, weights_, [&] {
+      lanes_, keys_, lookups_.sets[s],
+      number == 0 ? projection::sharpening_of(lookups_, lanes) : projection::SharpeningLanes{}, in,
+      middles_, lanes, places_, weights_, [&] {
         for (Own& own : own_) {
           if (own.level == nullptr) continue;
           projection::for_each_tile(

@@ -135,7 +135,6 @@ class PacketBlend {
   void add_single(const projection::HitPacket& hit, Mask lanes);
   void add_set(std::size_t s, std::uint32_t number, Mask lanes);
   void finish(std::size_t c);
-  const projection::FootprintLookupsLanes* sharpening(Mask lanes) const;
 
   const LookupGroup& group_;
   const projection::BlendLanes& lanes_;

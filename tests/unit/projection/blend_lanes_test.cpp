@@ -248,7 +248,8 @@ struct LanesResult {
             image.wrap_u, image.wrap_v, store::is_float(image.depth)};
         const auto add = kernels.add[static_cast<std::size_t>(image.depth)][image.channels - 1];
         for_each_lookup(kernels, keys_of(kernel_of(window.filter)), lookups.sets[s],
-                        number == 0 ? &lookups : nullptr, in, middles, lanes, places, weights, [&] {
+                        number == 0 ? sharpening_of(lookups, lanes) : SharpeningLanes{}, in,
+                        middles, lanes, places, weights, [&] {
                           for_each_tile(
                               places,
                               [&](std::uint32_t x, std::uint32_t y) { return level.tile(x, y); },
@@ -442,14 +443,17 @@ TEST_CASE("single lookups and means are rounded as texels are one by one") {
         lookups.across[lane] = static_cast<std::int32_t>(random.whole(0, 43690));
         lookups.down[lane] = static_cast<std::int32_t>(random.whole(0, 43690));
       }
-      const bool sharpened = random.one_in(2);
+      const bool is_sharp_across = random.one_in(2), is_sharp_down = random.one_in(2);
       Sixteen<std::uint32_t> texels{};
       WeightsLanes weights{};
-      kernels->weigh(places, keys_of(kernel), sharpened ? &lookups : nullptr, weights);
+      kernels->weigh(
+          places, keys_of(kernel),
+          {is_sharp_across ? &lookups.across : nullptr, is_sharp_down ? &lookups.down : nullptr},
+          weights);
       kernels->round_u8[channels - 1](image.tile(0, 0), places, weights, texels);
       for (std::size_t lane = 0; lane < kSixteen; ++lane) {
-        const Sharpening by =
-            sharpened ? Sharpening{lookups.across[lane], lookups.down[lane]} : Sharpening{};
+        const Sharpening by{is_sharp_across ? lookups.across[lane] : 0,
+                            is_sharp_down ? lookups.down[lane] : 0};
         std::uint32_t expected = 0;
         look(image, at[lane], kernel, by,
              [&](const std::byte* tile, int column, int row, const Taps& taps) {
