@@ -139,10 +139,9 @@ void blend_footprints(benchmark::State& state, const char* isa) {
       }
       kernels->lookups(footprints, last_level, lookups);
       projection::MeansLanes means{};
-      const bool sharpens = (lookups.across[0] | lookups.down[0]) != 0;
       projection::for_each_lookup(
-          *kernels, keys, lookups.sets[0], sharpens ? &lookups : nullptr, in, middles, 0xFFFF,
-          places, weights, [&] {
+          *kernels, keys, lookups.sets[0], projection::sharpening_of(lookups, 0xFFFF), in, middles,
+          0xFFFF, places, weights, [&] {
             projection::for_each_tile(
                 places, [&](std::uint32_t x, std::uint32_t y) { return input.tile(x, y); },
                 [&](const std::byte* tile, const auto& share, unsigned) {
