@@ -209,8 +209,13 @@ struct Window {
     const double far = random.one_in(3) ? 1e3 : 4;
     const Vec2d first{random.between(-5.0, levels[0].directory.width + 5.0),
                       random.between(-5.0, levels[0].directory.height + 5.0)};
+    const auto kind = random.whole(0, 4);  // any; finer than texels along one axis alone, or none
     for (std::size_t lane = 0; lane < kSixteen; ++lane) {
       footprints[lane] = random_footprint(random);
+      const double fine = random.between(0.2, 0.9), wide = random.between(1.0, 3.0);
+      if (kind == 1) footprints[lane] = {{fine, 0}, {0, wide}};
+      if (kind == 2) footprints[lane] = {{0, fine}, {wide, 0}};
+      if (kind == 3) footprints[lane] = {{0, wide}, {wide, 0}};
       middles[lane] = {first.x + random.between(-far, far), first.y + random.between(-far, far)};
       if (random.one_in(10)) middles[lane] = {std::floor(first.x), std::floor(first.y)};
     }
@@ -221,6 +226,7 @@ struct Window {
 struct LanesResult {
   FootprintLookupsLanes lookups{};
   MeansLanes means{};
+  bool is_sharp_across = false, is_sharp_down = false;  ///< along axes of the image itself
 
   LanesResult(const BlendLanes& kernels, const Window& window) {
     FootprintLanes footprints{};
@@ -256,6 +262,8 @@ struct LanesResult {
                               [&](const std::byte* tile, const auto& share, unsigned) {
                                 add(tile, places, weights, share, means);
                               });
+                          is_sharp_across = is_sharp_across || weights.is_sharp_across;
+                          is_sharp_down = is_sharp_down || weights.is_sharp_down;
                         });
       }
     }
@@ -392,10 +400,13 @@ TEST_CASE("means of sixteen footprints are those of each, bit by bit") {
   for (const BlendLanes* kernels : available()) {
     CAPTURE(kernels->isa);
     Random random(4002);
-    std::array<int, 3> seen{};  // of one set, of two, sharpened
+    std::array<int, 3> seen{};                  // of one set, of two, sharpened
+    std::array<std::array<int, 4>, 4> along{};  // windows by depth: none, across, down, both
     for (int i = 0; i < 1000; ++i) {
       const Window window(random);
       const LanesResult lanes(*kernels, window);
+      const auto depth = static_cast<std::size_t>(window.levels[0].directory.depth);
+      ++along[depth][(lanes.is_sharp_across ? 1 : 0) + (lanes.is_sharp_down ? 2 : 0)];
       for (std::size_t lane = 0; lane < kSixteen; ++lane) {
         Blended mean{};
         if ((window.lanes >> lane & 1) != 0) {
@@ -418,6 +429,9 @@ TEST_CASE("means of sixteen footprints are those of each, bit by bit") {
     CHECK(seen[0] > 2000);
     CHECK(seen[1] > 50);
     CHECK(seen[2] > 500);
+    for (const auto& windows : along) {
+      for (const int of_this_kind : windows) CHECK(of_this_kind > 20);
+    }
   }
 }
 
