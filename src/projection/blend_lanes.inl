@@ -82,7 +82,8 @@ inline Side spread(const Doubles& x, const Doubles& y, const Doubles& texel) {
   return {only(is_long, x * scale), only(is_long, y * scale), one + only(is_long, count - 1.0)};
 }
 
-/// As lookups_at(); returns the number of lookups.
+/// As lookups_at(); returns the number of lookups. Not inlined: both of its calls would take
+/// registers from what is around them.
 [[gnu::noinline]] Doubles lookups_at(const Doubles& ax, const Doubles& ay, const Doubles& bx,
                                      const Doubles& by, const Doubles& level, const Doubles& texel,
                                      const Doubles& share, std::size_t first, LookupsLanes& out) {
