@@ -37,7 +37,7 @@ std::unique_ptr<job::JobContext> open_transfer(const TransferOptions& options,
   return job;
 }
 
-void make_targets(job::JobContext& job, TransferPlan& plan) {
+void make_targets(job::JobContext& job, TransferPlan& plan, PendingOutputs& pending) {
   Source& source = plan.source();
   // Of several targets each is read again when its turn comes.
   const BesideImages ahead =
@@ -52,7 +52,8 @@ void make_targets(job::JobContext& job, TransferPlan& plan) {
   std::vector<std::size_t> left;  // to other jobs with --skip-existing
   const auto make = [&](std::size_t t, OthersWork others) {
     const double begin = kAfterSource + share * static_cast<double>(t);
-    return transfer_to(job, plan.policy(), source, plan.target(t), {begin, begin + share}, others);
+    return transfer_to(job, plan.policy(), source, plan.target(t), pending, {begin, begin + share},
+                       others);
   };
   for (std::size_t t = 0; t < plan.targets(); ++t) {
     if (!make(t, OthersWork::leave)) left.push_back(t);
@@ -65,12 +66,19 @@ void make_targets(job::JobContext& job, TransferPlan& plan) {
 
 void transfer_in(job::JobContext& job, const TransferOptions& options,
                  const job::TestKnobs& knobs) {
-  TransferPlan plan(job, options, knobs);
-
-  plan.make(kAfterReading);
-  // From here on it is known what will be done and that it fits.
-  const bool may_keep = options.skip_existing || options.keep_made;
-  if (!may_keep || plan.anything_to_write()) make_targets(job, plan);
+  PendingOutputs pending(job);
+  try {
+    TransferPlan plan(job, options, knobs);
+    plan.make(kAfterReading);
+    // From here on it is known what will be done and that it fits.
+    const bool may_keep = options.skip_existing || options.keep_made;
+    if (!may_keep || plan.anything_to_write()) make_targets(job, plan, pending);
+    // Its stores go while the last images wait for the disk.
+  } catch (...) {
+    pending.finish();
+    throw;
+  }
+  pending.wait();
   if (options.share.role != TaskRole::assemble) return;
   planning::refuse_missing(job.report.missing);
   job::PartFiles::sweep(job);

@@ -10,6 +10,7 @@
 #include "flow/early_mesh.h"
 #include "flow/sources/source.h"
 #include "flow/write/model.h"
+#include "flow/write/pending_outputs.h"
 #include "job/job_context.h"
 #include "mesh/mesh.h"
 #include "planning/disk.h"
@@ -109,9 +110,10 @@ enum class OthersWork : std::uint8_t {
 
 /// Makes one target: page after page it is vectorized, projected and written, then the model, if
 /// that is the output. What was found goes to the job's report. The target's mesh goes as soon as
-/// its last page is vectorized. False, and nothing done: others are making all of it that is
-/// missing.
+/// its last page is vectorized. Images are outputs once `pending` is done with them. False, and
+/// nothing done: others are making all of it that is missing.
 bool transfer_to(job::JobContext& job, const planning::OutputPolicy& policy, const Source& source,
-                 PlannedTarget& target, ProgressRange range, OthersWork others);
+                 PlannedTarget& target, PendingOutputs& pending, ProgressRange range,
+                 OthersWork others);
 
 }  // namespace pounce::flow

@@ -6,14 +6,15 @@
 //                                           ▲
 //                                      source stores
 //
-// A page is finished before the next one begins: what is there when a job is stopped is whole.
+// A page is written before the next one begins. Its images then wait for the disk beside the next
+// pages (write/pending_outputs.h): what is there when a job is stopped is whole.
 //
 // With --skip-existing several jobs may be at the same outputs, and share them: each claims what it
 // makes next, looks whether it was made meanwhile, and leaves for later what another has claimed.
 //
-// A claim is held for one step, or for a whole model, and nobody waits for a claim while holding
-// one. So two jobs on the same outputs cannot wait for each other
-// (docs/decisions/039-output-claims.md).
+// A claim is held for one step, or for a whole model. Whoever waits for a claim holds none but of
+// images that wait for the disk, and these come whatever it does. So two jobs on the same outputs
+// cannot wait for each other (docs/decisions/039-output-claims.md).
 //
 // The target's mesh stays until its last page is vectorized, but projecting and writing a page read
 // its blocks only. Scratch packs of results belong to a step: the next step's replaces them.
@@ -59,12 +60,13 @@ std::vector<planning::Step> steps_to_make(const planning::SourcePlan& source,
 class TargetTransfer {
  public:
   TargetTransfer(job::JobContext& job, const planning::OutputPolicy& policy, const Source& source,
-                 PlannedTarget& target, ProgressRange range)
+                 PlannedTarget& target, PendingOutputs& pending, ProgressRange range)
       : job_(job),
         policy_(policy),
         source_plan_(source.plan()),
         source_(source),
         target_(target),
+        pending_(pending),
         range_(range),
         others_(job, policy, source_plan_, target.plan, model_of(target)) {}
 
@@ -75,9 +77,8 @@ class TargetTransfer {
     if (policy_.skips_existing && others == OthersWork::leave && !steps.empty() &&
         !others_.is_any_free(steps))
       return false;
-    std::optional<job::OutputClaim> model_claim;
     if (policy_.skips_existing && target_.model && !steps.empty()) {
-      model_claim = others_.await_model();
+      claim_of_model_ = others_.await_model();
       // Another job may have finished the model between planning and this claim.
       if (others_.keep_made_model()) steps.clear();
     }
@@ -94,6 +95,8 @@ class TargetTransfer {
     find_occupied();
     places_ = surface::strew(target_.mesh, source_.target_places());
     make(std::move(steps));
+    // A model comes last, and whether a target has enough is known when its images are there.
+    if (target_.model || policy_.min_coverage_percent > 0) pending_.wait();
     tally_->spreads(area);
     clipped_.warn(source_plan_, job_.report);
     if (target_.model && !is_shared() && !is_missing_) write_model();
@@ -171,7 +174,9 @@ class TargetTransfer {
         for (const std::size_t c : others_.keep_made(steps[i])) tally_->keeps(c, steps[i].page);
         // The mesh goes with the last step only if no step is left to other jobs: one that fails or
         // is killed leaves its steps to this one.
-        if (has_work(steps[i])) make_images(steps[i], i + 1 == steps.size() && others.empty());
+        const bool is_last = i + 1 == steps.size() && others.empty();
+        if (has_work(steps[i]))
+          make_images(steps[i], is_last, claim_of_model_ ? claim_of_model_ : claim);
         ++steps_done_;
         job_.meter.keep(fraction(0));  // what of its share took no work
       }
@@ -209,8 +214,9 @@ class TargetTransfer {
     }
   }
 
-  void make_images(const Step& step, bool is_last) {
+  void make_images(const Step& step, bool is_last, std::optional<job::OutputClaim> claim) {
     const auto [p, page] = step;
+    pending_.begin_step();
     if (policy_.role == TaskRole::assemble) {
       if (job::PartFiles(job_, results_key(step)).is_empty()) return;
       if (!share_of(step)->in_parts) return miss(step, 0, 0, share_of(step)->tasks);
@@ -226,7 +232,9 @@ class TargetTransfer {
     is_last_ = is_last;
     if (is_last) target_.drop_mesh();  // from here on only stores are read, never the inputs
     const std::uint64_t read_before = source_.bytes_read(p);
+    claim_ = std::move(claim);
     transfer_page(p, page, *target);
+    claim_.reset();
     job_.report.tiles_read += target->directory().tiles.size();
     job_.report.bytes_read += source_.bytes_read(p) - read_before + target->pack().bytes_read();
   }
@@ -277,9 +285,10 @@ class TargetTransfer {
       if (e.kind() == ErrorKind::damaged_store) results.forget();
       throw;
     }
+    auto pack = results.release();
     // A model's images are only there once it is.
-    if (!target_.model) return results.forget();
-    if (auto pack = results.release()) packs_of_model_.push_back(std::move(pack));
+    if (!target_.model) return pending_.end_step(std::move(pack));
+    if (pack != nullptr) packs_of_model_.push_back(std::move(pack));
   }
 
   Hash128 results_key(const Step& step) const {
@@ -404,19 +413,14 @@ class TargetTransfer {
       const auto number = static_cast<std::uint32_t>(i);
       const auto colours = results.encodings(2 * number),
                  coverage = results.encodings(2 * number + 1);
-      const WrittenTexels written = write_image(
-          job_, image, source_plan_.channels[c].format, *result.pack, result.blocks[i],
-          {colours.get(), coverage.get()}, target_.model ? &target_.model->sink(job_) : nullptr);
-      // From here on a second attempt would composite over its own result.
-      job_.run.painted_in_place = job_.run.painted_in_place || in_place;
+      WrittenImage file = write_image(job_, image, source_plan_.channels[c].format, *result.pack,
+                                      result.blocks[i], {colours.get(), coverage.get()},
+                                      target_.model ? &target_.model->sink(job_) : nullptr);
+      const WrittenTexels& written = file.texels;
       tally_->wrote(c, written.filled);
       clipped_.count(c, (written.any_fresh ? result.clipped[i] : 0) + written.clipped, image.path);
-      if (target_.model) {
-        target_.model->add(c, page, written);
-      } else if (!image.painted) {
-        job_.report.outputs.push_back(image.path);
-      }
-      if (!image.coverage_path.empty()) job_.report.outputs.push_back(image.coverage_path);
+      if (target_.model) target_.model->add(c, page, written);
+      pending_.add({std::move(file.files), claim_, in_place});
     }
     job_.report.bytes_read += result.pack->bytes_read();
     if (target_.plan.by_tile) {
@@ -443,6 +447,8 @@ class TargetTransfer {
   const planning::SourcePlan& source_plan_;
   const Source& source_;
   PlannedTarget& target_;
+  PendingOutputs& pending_;
+  std::optional<job::OutputClaim> claim_of_model_, claim_;  ///< of the step at hand
   ProgressRange range_;                        ///< what is left of it once views are there
   std::optional<outcome::TargetTally> tally_;  ///< once something is made or kept
   planning::OthersOutputs others_;
@@ -482,8 +488,9 @@ BesideImages vectorizing_ahead(job::JobContext& job, const planning::OutputPolic
 }
 
 bool transfer_to(job::JobContext& job, const planning::OutputPolicy& policy, const Source& source,
-                 PlannedTarget& target, ProgressRange range, OthersWork others) {
-  return TargetTransfer(job, policy, source, target, range).run(others);
+                 PlannedTarget& target, PendingOutputs& pending, ProgressRange range,
+                 OthersWork others) {
+  return TargetTransfer(job, policy, source, target, pending, range).run(others);
 }
 
 }  // namespace pounce::flow

@@ -45,6 +45,8 @@ struct JobRun {
   std::set<std::string> written_before;
   /// An image took the place of what it was painted onto: no attempt may paint it again.
   bool painted_in_place = false;
+  /// Beside those of the job the system has a thread to give, for what only waits.
+  bool has_spare_thread = true;
   explicit JobRun(Progress* progress) : meter(progress) {}
 };
 

@@ -8,8 +8,8 @@
 
 namespace pounce::job {
 
-/// While it lives, no other job with --skip-existing makes these outputs: locks on hidden files
-/// beside them, in missing folders too. They end with their process, however it ends.
+/// While it or a copy of it lives, no other job with --skip-existing makes these outputs: locks on
+/// hidden files beside them, in missing folders too. They end with their process, however it ends.
 class OutputClaim {
  public:
   /// Nothing if another job, here or in another process, is making one of them: `holder` says who.

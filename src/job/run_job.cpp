@@ -134,9 +134,10 @@ std::unique_ptr<store::StoreFolder> open_cache(const Resources& resources, const
   }
 }
 
-void require_threads(unsigned count) {
-  const unsigned obtainable = obtainable_threads(count);
-  if (obtainable == count) return;
+/// Returns whether there is one more.
+bool require_threads(unsigned count) {
+  const unsigned obtainable = obtainable_threads(count + 1);
+  if (obtainable >= count) return obtainable > count;
   throw Error(
       ErrorKind::storage,
       fmt::format("only {} of {} threads could be created; run with --threads {}, or raise the "
@@ -236,7 +237,7 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
   try {
     with_own_errors([&] {
       instruction_set();  // one that this processor lacks is refused here, not halfway
-      require_threads(thread_count(resources));
+      run.has_spare_thread = require_threads(thread_count(resources));
       arena.execute([&] {
         try {
           run_attempts(resources, run, job);

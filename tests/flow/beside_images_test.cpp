@@ -141,7 +141,11 @@ TEST_CASE("a target's first page is vectorized ahead unless others may make it",
   plan.source().build({0, 1}, plan.detail(), {});
   const std::uint64_t with_source = run.report.tiles_written;
   CHECK(with_source > written);
-  transfer_to(*job, plan.policy(), plan.source(), target, {0, 1}, flow::OthersWork::await);
+  {
+    flow::PendingOutputs pending(*job);
+    transfer_to(*job, plan.policy(), plan.source(), target, pending, {0, 1},
+                flow::OthersWork::await);
+  }
   CHECK_FALSE(target.ahead);
   const Report alone = transfer(job_of(folder, 1));
   CHECK(run.report.target_tiles == alone.target_tiles);

@@ -108,7 +108,7 @@ void write(const std::string& path, const io::ImageWriteSpec& spec, std::uint32_
   flow::ImageFile file(*job, path, spec, nullptr);
   for (std::uint32_t y = 0; y < spec.height; y += together)
     file.write_rows(std::min(together, spec.height - y), samples.data() + y * row);
-  file.commit();
+  file.finish()->commit();
   CHECK(job->scratch_account->peak_bytes() == flow::ImageFile::scratch_bytes(spec));
 }
 

@@ -178,7 +178,6 @@ void note_synced(int fd) {
 }
 
 void lose_unsynced() {
-  const std::lock_guard lock(state->mutex);
   for (const auto& [id, file] : state->unsynced) {
     struct stat now {};
     if (file.fd < 0 || fstat(file.fd, &now) != 0) continue;
@@ -196,6 +195,8 @@ void lose_unsynced() {
 
 [[noreturn]] void die(const char* call, const std::string& what) {
   write_report("killed at " + std::to_string(state->at) + ": " + call + " " + what + "\n");
+  // Held to the end: another thread's file that was synced meanwhile gets no name any more.
+  state->mutex.lock();
   if (loses_unsynced()) lose_unsynced();
   kill(state->owner, SIGKILL);
   for (;;) pause();

@@ -155,7 +155,17 @@ class Driver:
             wrong = sorted(path for path in right if not path.startswith("cache/") and now.get(path) != right[path])
             if wrong:
                 return "status 0 with other bytes: " + ", ".join(wrong)
-        return self.check_killed(folder, before, right)
+        return self.check_report(folder) or self.check_killed(folder, before, right)
+
+    def check_report(self, folder):
+        """What a report says of images that are not there."""
+        path = os.path.join(folder, "r.json")
+        if not os.path.exists(path):
+            return ""
+        report = json.load(open(path))
+        told = [image["path"] for target in report["targets"] for image in target.get("images", []) if image["state"] == "written"]
+        wrong = [path for path in told if path not in report["outputs"]]
+        return "the report says written of " + ", ".join(wrong) if wrong else ""
 
     def check_again(self, folder, arguments, right):
         status, said, _ = self.run(folder, arguments)

@@ -64,7 +64,7 @@ class ResultCollector {
   /// What was encoded of image `image` of the step, by this run or an earlier one; null where it is
   /// not worth keeping, as of a step that is quick.
   std::unique_ptr<io::EncodedBlocks> encodings(std::uint32_t image);
-  /// The images are there, or what the results were made from is damaged.
+  /// What the results were made from is damaged.
   void forget() noexcept;
   /// The pack, for a caller whom a later run may still need it for; null where it was never kept.
   std::unique_ptr<job::StepPack> release() { return pack_->is_kept() ? std::move(pack_) : nullptr; }

@@ -96,7 +96,7 @@ void ImageFile::spill(Level& level) {
   spilled_bytes_ += bytes;
 }
 
-void ImageFile::commit() {
+std::unique_ptr<io::OutputFile> ImageFile::finish() {
   // What waits last is shorter than a piece.
   for (Level& level : kept_) spill(level);
   if (scratch_ != nullptr) {
@@ -107,7 +107,7 @@ void ImageFile::commit() {
     }
     job_.report.bytes_written += spilled_bytes_;
   }
-  writer_.commit();
+  return writer_.finish();
 }
 
 void ImageFile::write_level(const ReadFile& scratch, Level& level) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "io/files/output_file.h"
 #include "io/image/write.h"
 #include "job/job_context.h"
 #include "shading/mip_levels.h"
@@ -29,7 +30,8 @@ class ImageFile {
   ImageFile& operator=(const ImageFile&) = delete;
 
   void write_rows(std::uint32_t count, const std::byte* rows);
-  void commit();
+  /// See io::ImageWriter::finish().
+  std::unique_ptr<io::OutputFile> finish();
 
   static std::uint64_t memory_bytes(const std::string& path, const io::ImageWriteSpec& spec);
   /// What its levels take on disk until it is whole.

@@ -118,7 +118,7 @@ class ImageAssembler {
       coverage_.emplace(job, output.coverage_path, coverage_spec(output), known.coverage);
   }
 
-  WrittenTexels run() {
+  WrittenImage run() {
     std::uint32_t next = 0;
     // A pipeline forgets the tokens under way when a stage throws, so they are not what owns rows.
     // They leave in order, so those under way are neighbours: each has its own slot.
@@ -138,10 +138,15 @@ class ImageAssembler {
             }));
     const WorkTimer encoding(job_.clock, "encode");
     // The mask first: an image that is painted over in place must be the last that is missing.
-    if (coverage_) coverage_->commit();
-    if (colours_) colours_->commit();
-    if (painter_) return {painter_->filled(), painter_->clipped(), painter_->paints()};
-    return {padder_.filled(), 0, true, has_holes_, has_veils_};
+    WrittenImage image;
+    for (std::optional<ImageFile>* const file : {&coverage_, &colours_}) {
+      if (!*file) continue;
+      if (auto whole = (*file)->finish()) image.files.push_back(std::move(whole));
+    }
+    image.texels = painter_
+                       ? WrittenTexels{painter_->filled(), painter_->clipped(), painter_->paints()}
+                       : WrittenTexels{padder_.filled(), 0, true, has_holes_, has_veils_};
+    return image;
   }
 
  private:
@@ -298,10 +303,10 @@ class ImageAssembler {
 
 }  // namespace
 
-WrittenTexels write_image(job::JobContext& job, const planning::ImageOutput& output,
-                          const shading::TexelFormat& format, const store::PackReader& results,
-                          const std::vector<store::ChunkRef>& blocks, const KnownEncodings& known,
-                          WriteFile* sink) {
+WrittenImage write_image(job::JobContext& job, const planning::ImageOutput& output,
+                         const shading::TexelFormat& format, const store::PackReader& results,
+                         const std::vector<store::ChunkRef>& blocks, const KnownEncodings& known,
+                         WriteFile* sink) {
   return ImageAssembler(job, output, format, results, blocks, known, sink).run();
 }
 

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "core/page_pool.h"
+#include "io/files/output_file.h"
 #include "io/image/read.h"
 #include "io/image/write.h"
 #include "job/job_context.h"
@@ -31,12 +33,19 @@ struct KnownEncodings {
   io::EncodedBlocks *colours = nullptr, *coverage = nullptr;
 };
 
-/// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order and
-/// renames it into place. With a `sink` the image goes to its end instead, as PNG.
-WrittenTexels write_image(job::JobContext& job, const planning::ImageOutput& output,
-                          const shading::TexelFormat& format, const store::PackReader& results,
-                          const std::vector<store::ChunkRef>& blocks, const KnownEncodings& known,
-                          WriteFile* sink = nullptr);
+/// A written image.
+struct WrittenImage {
+  WrittenTexels texels;
+  /// Whole and without their names: they must get these in this order.
+  std::vector<std::unique_ptr<io::OutputFile>> files;
+};
+
+/// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order.
+/// With a `sink` the image goes to its end instead, as PNG.
+WrittenImage write_image(job::JobContext& job, const planning::ImageOutput& output,
+                         const shading::TexelFormat& format, const store::PackReader& results,
+                         const std::vector<store::ChunkRef>& blocks, const KnownEncodings& known,
+                         WriteFile* sink = nullptr);
 
 /// What the levels of such an image take on disk until it is whole.
 std::uint64_t levels_bytes(const planning::ImageOutput& output, const shading::TexelFormat& format);

@@ -52,6 +52,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kMostLinks = 40;   // as the kernel
 constexpr int kMostTries = 100;  // where others remove folders meanwhile
+constexpr std::int64_t kStoredTogether = 1 << 20;
 
 std::string folder_of(const fs::path& path) {
   return path.has_parent_path() ? path.parent_path().string() : ".";
@@ -336,7 +337,19 @@ long OutputFile::write_piece(void* opaque, const char* bytes, std::size_t count)
   }
   // Counted in full after a failure, too: an encoder that seeks must not notice anything.
   self.position_ += static_cast<std::int64_t>(count);
+  self.begin_storing();
   return static_cast<long>(count);
+}
+
+/// The disk begins with what commit() will wait for. Where it cannot, commit() takes longer; what
+/// it says of writing is kept, since it may not be said again.
+void OutputFile::begin_storing() {
+  if (position_ < storing_to_ + kStoredTogether || failure_ != 0) return;
+  const std::int64_t bytes = position_ - storing_to_;
+  if (::sync_file_range(descriptor_, storing_to_, bytes, SYNC_FILE_RANGE_WRITE) != 0 &&
+      (errno == EIO || errno == ENOSPC || errno == EDQUOT))
+    failure_ = errno;
+  storing_to_ = position_;
 }
 
 int OutputFile::seek(void* opaque, std::int64_t* offset, int whence) {
@@ -378,23 +391,35 @@ void OutputFile::check() const {
   if (failure_ != 0) fail_by(failure_);
 }
 
+void OutputFile::close() {
+  if (stream_ == nullptr) return;
+  const bool flushed = std::fclose(std::exchange(stream_, nullptr)) == 0;
+  const int reason = errno;
+  check();
+  if (!flushed) fail_by(reason);
+}
+
 // Data first, then the name, then the folder that holds the name: after a power failure there is
 // the old file or the new one, whole.
 void OutputFile::commit() {
-  FILE* const stream = stream_;
-  stream_ = nullptr;
-  const bool flushed = std::fclose(stream) == 0;
-  check();
-  if (!flushed || !sync_retrying(descriptor_)) fail_by(errno);
+  close();
+  if (!sync_retrying(descriptor_)) fail_by(errno);
   if (nameless_) give_temporary_name();
   keep_mode();
-  if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail_by(errno);
-  has_temporary_ = false;
+  // Opened first: where that fails for want of a descriptor the old file is still there.
   const int folder = open_retrying(folder_, O_RDONLY | O_DIRECTORY);
-  const bool synced = folder >= 0 && sync_retrying(folder);
+  if (folder < 0 && errno != EACCES && errno != EINVAL) fail_by(errno);
+  if (::rename(temporary_.c_str(), target_.c_str()) != 0) {
+    const int reason = errno;
+    if (folder >= 0) ::close(folder);
+    fail_by(reason);
+  }
+  has_temporary_ = false;
+  const bool synced = folder < 0 || sync_retrying(folder);
   const int reason = errno;
   if (folder >= 0) ::close(folder);
-  // Some network file systems cannot sync a folder; the file itself is safe.
+  // Some network file systems cannot sync a folder, and one that cannot be read is not opened; the
+  // file itself is safe.
   if (synced || reason == EINVAL || reason == EACCES) return;
   throw Error(
       ErrorKind::storage,

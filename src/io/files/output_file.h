@@ -50,14 +50,16 @@ class OutputFile {
   OutputFile& operator=(const OutputFile&) = delete;
 
   FILE* stream() { return stream_; }
+  const std::string& path() const { return path_; }  ///< as given
   /// Bytes written so far, those in the stream's buffer included.
   std::uint64_t size_bytes();
   /// Up to `count` of the bytes written so far, from `offset`.
   std::size_t read_back(std::int64_t offset, void* out, std::size_t count) noexcept;
   /// Throws if any write so far did not reach the file.
   void check() const;
-  /// Flushes, fsyncs, gives the file its name, fsyncs the folder. Nobody may use the stream
-  /// afterwards.
+  /// Everything is written: hands it to the system. Nobody may use the stream afterwards.
+  void close();
+  /// Closes what is not closed, fsyncs, gives the file its name, fsyncs the folder.
   void commit();
   /// Throws Error(storage): "cannot write <path>: <what>".
   [[noreturn]] void fail(const std::string& what, int code = 0) const;
@@ -73,6 +75,7 @@ class OutputFile {
   void next_temporary();
   void open_named(mode_t mode);
   void give_temporary_name();
+  void begin_storing();
   void keep_mode() const;
 
   std::string path_, target_;  ///< as given; what it stands for once links are followed
@@ -85,7 +88,8 @@ class OutputFile {
   int descriptor_ = -1;
   FILE* stream_ = nullptr;
   std::int64_t position_ = 0;
-  int failure_ = 0;  ///< errno of the first call that failed
+  std::int64_t storing_to_ = 0;  ///< the disk has begun with what is before it
+  int failure_ = 0;              ///< errno of the first call that failed
 };
 
 /// Removes the hidden files ".NAME.<digits>-<digits>.tmp" that processes which died left beside the

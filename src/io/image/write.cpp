@@ -159,7 +159,7 @@ Depth writable_depth(const std::string& path, Depth wanted) {
 struct ImageWriter::Impl {
   Impl(const std::string& path, const ImageWriteSpec& wanted, BeginWork begin_work,
        EncodedBlocks* known)
-      : spec(wanted), file(std::in_place, path) {
+      : spec(wanted), file(std::make_unique<OutputFile>(path)) {
     const std::string_view name = format_of(path, spec.depth)->name;
     const bool is_exr = name == "openexr";
     premultiply = spec.has_alpha && (is_exr || spec.layout.mipmap) && !spec.premultiplied;
@@ -188,8 +188,8 @@ struct ImageWriter::Impl {
     encoder->write_rows(next_row / edge * edge, next_row % edge + 1, tile_rows.data());
   }
 
-  ImageWriteSpec spec;             // of the level
-  std::optional<OutputFile> file;  // outlives the encoder
+  ImageWriteSpec spec;               // of the level
+  std::unique_ptr<OutputFile> file;  // outlives the encoder
   std::unique_ptr<RowEncoder> encoder;
   bool premultiply = false;
   std::uint32_t next_row = 0;         // of the level
@@ -248,7 +248,7 @@ void ImageWriter::next_level() {
   self.encoder->next_level(size.width, size.height);
 }
 
-void ImageWriter::commit() {
+std::unique_ptr<OutputFile> ImageWriter::finish() {
   Impl& self = *impl_;
   if (self.next_row != self.spec.height) {
     throw Error(ErrorKind::internal,
@@ -256,7 +256,12 @@ void ImageWriter::commit() {
   }
   self.encoder->finish();
   self.encoder.reset();
-  if (self.file) self.file->commit();
+  if (self.file) self.file->close();
+  return std::move(self.file);
+}
+
+void ImageWriter::commit() {
+  if (const std::unique_ptr<OutputFile> file = finish()) file->commit();
 }
 
 std::uint64_t ImageWriter::encoder_bytes(const std::string& path, const ImageWriteSpec& spec) {

@@ -18,6 +18,7 @@
 namespace pounce::io {
 
 class EncodedBlocks;
+class OutputFile;
 
 /// Does the ending of `path` name a format that images are written in?
 bool is_image_path(const std::string& path);
@@ -68,7 +69,10 @@ class ImageWriter {
   /// All rows of this level were written: those of the next follow, half as wide and high (rounded
   /// down, at least 1).
   void next_level();
-  /// Flushes, fsyncs, renames, fsyncs the folder. All rows must have been written.
+  /// All rows were written: returns the file, complete and closed, for whoever commits it (on any
+  /// thread). Null: the image is at the end of its sink.
+  std::unique_ptr<OutputFile> finish();
+  /// finish(), and the file is committed.
   void commit();
   /// Memory the encoder holds beyond the rows handed over, for the budget.
   static std::uint64_t encoder_bytes(const std::string& path, const ImageWriteSpec& spec);

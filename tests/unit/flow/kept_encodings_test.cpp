@@ -93,7 +93,7 @@ TEST_CASE("encoded rows that are kept are in the lease of their image") {
       ImageFile file(job.job.context, folder.file("a.png"), spec, &watched);
       for (std::uint32_t y = 0; y < spec.height; ++y)
         file.write_rows(1, rows.data() + rows.size() / spec.height * y);
-      file.commit();
+      file.finish()->commit();
     }
     CHECK(watched.put() == (run == 1 ? 14 : 0));
     CHECK(watched.found() == (run == 1 ? 0 : 14));
