@@ -183,6 +183,9 @@ TEST_CASE("the claim of an image outlasts the step that failed, until its image 
   const std::string bad = folder.file("bad.png");
   PendingOutputs pending(job.context);
   pending.add({without_a_name(bad), job::OutputClaim::take({bad})});
+  const std::string next = folder.file("next.png");
+  pending.add({written({next}), {}});
+  while (!fs::exists(next)) std::this_thread::yield();  // then the thread is done with the first
   CHECK_FALSE(job::OutputClaim::take({bad}));
   CHECK_THROWS_AS(pending.finish(), Error);
   CHECK(job::OutputClaim::take({bad}));
