@@ -20,6 +20,7 @@
 #include "planning/describe_job.h"
 #include "planning/plan.h"
 #include "planning/task_share.h"
+#include "pounce/error.h"
 
 namespace pounce {
 namespace flow {
@@ -74,8 +75,9 @@ void transfer_in(job::JobContext& job, const TransferOptions& options,
     const bool may_keep = options.skip_existing || options.keep_made;
     if (!may_keep || plan.anything_to_write()) make_targets(job, plan, pending);
     // Its stores go while the last images wait for the disk.
-  } catch (...) {
-    pending.finish();
+  } catch (const Error& e) {
+    // Whoever stops a job hears that it has stopped.
+    if (e.kind() != ErrorKind::cancelled) pending.finish();
     throw;
   }
   pending.wait();

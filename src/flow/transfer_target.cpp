@@ -12,9 +12,9 @@
 // With --skip-existing several jobs may be at the same outputs, and share them: each claims what it
 // makes next, looks whether it was made meanwhile, and leaves for later what another has claimed.
 //
-// A claim is held for one step, or for a whole model. Whoever waits for a claim holds none but of
-// images that wait for the disk, and these come whatever it does. So two jobs on the same outputs
-// cannot wait for each other (docs/decisions/039-output-claims.md).
+// A claim is held for one step, until its images are on the disk, or for a whole model, and nobody
+// waits for a claim while holding one. So two jobs on the same outputs cannot wait for each other
+// (docs/decisions/039-output-claims.md).
 //
 // The target's mesh stays until its last page is vectorized, but projecting and writing a page read
 // its blocks only. Scratch packs of results belong to a step: the next step's replaces them.
@@ -78,6 +78,7 @@ class TargetTransfer {
         !others_.is_any_free(steps))
       return false;
     if (policy_.skips_existing && target_.model && !steps.empty()) {
+      pending_.wait();
       claim_of_model_ = others_.await_model();
       // Another job may have finished the model between planning and this claim.
       if (others_.keep_made_model()) steps.clear();
@@ -180,9 +181,15 @@ class TargetTransfer {
         ++steps_done_;
         job_.meter.keep(fraction(0));  // what of its share took no work
       }
-      if (others.size() == steps.size()) others_.wait();
+      if (others.size() == steps.size()) wait_for_others();
       steps = std::move(others);
     }
+  }
+
+  /// Holding no claim: images that could not get their names would keep theirs.
+  void wait_for_others() {
+    pending_.wait();
+    others_.wait();
   }
 
   // --- what this one makes -----------------------------------------------------------------------

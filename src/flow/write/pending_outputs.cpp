@@ -77,18 +77,23 @@ void PendingOutputs::finish() {
 
 void PendingOutputs::finish_first() {
   const StageTimer timer(job_.clock, "assemble");
-  const Pending& first = pending_.front();
   std::exception_ptr error;
   try {
-    if (first.committing != nullptr) first.committing->wait();
+    if (pending_.front().committing != nullptr) pending_.front().committing->wait();
   } catch (...) {
     error = std::current_exception();
-    failed_ = true;
   }
-  report(first);
+  // The thread is done with it. It leaves first: without memory for a report it must not come
+  // again.
+  const Pending first = std::move(pending_.front());
+  pending_.pop_front();
+  const bool is_there = first.committed.size() == first.image.files.size();
+  failed_ = failed_ || error || !is_there;
+  // From here on a second attempt would composite over its own result.
+  if (first.image.in_place && is_there) job_.run.painted_in_place = true;
   // Of a step whose images are not all there a later run needs it.
   if (first.pack != nullptr && !failed_) first.pack->forget();
-  pending_.pop_front();
+  report(first);
   if (error) std::rethrow_exception(error);
 }
 
@@ -99,9 +104,6 @@ void PendingOutputs::report(const Pending& pending) {
   for (const std::unique_ptr<io::OutputFile>& file : pending.image.files) {
     if (file != nullptr) outcome::not_written(file->path(), job_.report);
   }
-  const bool is_there = pending.committed.size() == pending.image.files.size();
-  // From here on a second attempt would composite over its own result.
-  if (pending.image.in_place && is_there) job_.run.painted_in_place = true;
 }
 
 }  // namespace pounce::flow
