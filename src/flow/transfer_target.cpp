@@ -430,13 +430,7 @@ class TargetTransfer {
       pending_.add({std::move(file.files), claim_, in_place});
     }
     job_.report.bytes_read += result.pack->bytes_read();
-    if (target_.plan.by_tile) {
-      // Sorted, each once: passes and targets bring the same tiles again.
-      std::vector<int>& udims = job_.report.udims;
-      const auto udim = static_cast<int>(target_.plan.pages[page].udim);
-      const auto at = std::lower_bound(udims.begin(), udims.end(), udim);
-      if (at == udims.end() || *at != udim) udims.insert(at, udim);
-    }
+    tally_->wrote_page(page);
     job_.meter.end();
   }
 

@@ -238,6 +238,15 @@ void TargetTally::wrote(std::size_t channel, std::uint64_t filled) {
   report_.target_filled += filled;
 }
 
+void TargetTally::wrote_page(std::uint32_t page) {
+  if (!target_.by_tile) return;
+  // Sorted, each once: passes and targets bring the same tiles again.
+  std::vector<int>& udims = report_.udims;
+  const auto udim = static_cast<int>(target_.pages[page].udim);
+  const auto at = std::lower_bound(udims.begin(), udims.end(), udim);
+  if (at == udims.end() || *at != udim) udims.insert(at, udim);
+}
+
 void TargetTally::wrote_model() {
   for (const auto& [image, channel] : in_model_) {
     target().images[image].state = "written";

@@ -64,6 +64,7 @@ class TargetTally {
   /// Of the page that was added last, an image was written: as a file, or into what becomes the
   /// model.
   void wrote(std::size_t channel, std::uint64_t filled);
+  void wrote_page(std::uint32_t page);  ///< all its images of a pass
   /// An image that was to be made turned out to be there.
   void keeps(std::size_t channel, std::uint32_t page);
   /// The model was written, with all such images.
