@@ -241,10 +241,9 @@ void TargetTally::wrote(std::size_t channel, std::uint64_t filled) {
 void TargetTally::wrote_page(std::uint32_t page) {
   if (!target_.by_tile) return;
   // Sorted, each once: passes and targets bring the same tiles again.
-  std::vector<int>& udims = report_.udims;
   const auto udim = static_cast<int>(target_.pages[page].udim);
-  const auto at = std::lower_bound(udims.begin(), udims.end(), udim);
-  if (at == udims.end() || *at != udim) udims.insert(at, udim);
+  const auto [at, end] = std::equal_range(report_.udims.begin(), report_.udims.end(), udim);
+  if (at == end) report_.udims.insert(at, udim);
 }
 
 void TargetTally::wrote_model() {
